@@ -1,0 +1,1 @@
+"""The `hgs` command line, the web service and the viewer."""

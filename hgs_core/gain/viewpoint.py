@@ -1,0 +1,71 @@
+"""Viewpoints and what they would gain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from jaxtyping import Float
+from numpy import ndarray
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.mapping.snapshot import MapSnapshot
+from pydantic import Field
+
+
+class CoverageMeasure(StrEnum):
+    """`volume`: m^3 newly visible, the same at every resolution; `paper`: Eq. 4, voxel volume summed over pixels."""
+
+    VOLUME = "volume"
+    PAPER = "paper"
+
+
+class GainConfig(StrictConfig):
+    """How viewpoints are scored (HGS-Planner Eq. 4-10)."""
+
+    coverage_measure: CoverageMeasure = CoverageMeasure.VOLUME
+    use_coverage: bool = True
+    """False: quality alone (the paper's V3)."""
+    use_quality: bool = True
+    """False: coverage alone (the paper's V2)."""
+    adaptive: bool = True
+    """False: the observed share lambda_o is taken as 1 (the paper's V4)."""
+    prior_information: float = Field(0.1, gt=0)
+    """lambda of Eq. 9: FisherRF's value for active mapping."""
+    coverage_scale_m3: float = Field(1.0, gt=0)
+    """Newly visible volume that counts as 1."""
+    quality_scale_m2: float = Field(2.0, gt=0)
+    """Surface seen once more as well as before that counts as 1."""
+    azimuth_bins: int = Field(120, ge=24)
+    elevation_bins: int = Field(32, ge=8)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewGains:
+    """Gains of `n` viewpoints at their best yaws, and around the full circle.
+
+    `*_by_yaw[i, k]` is the gain of viewpoint `i` with the camera's field of view centred on
+    `yaws_rad[k]`; the plain fields are those at the best yaw.
+    """
+
+    yaws_rad: Float[ndarray, " n_yaws"]
+    coverage_by_yaw: Float[ndarray, "n n_yaws"]
+    """[m^3], or the paper's pixel sum."""
+    quality_by_yaw: Float[ndarray, "n n_yaws"]
+    """[m^2] of surface seen once more as well as before."""
+    total_by_yaw: Float[ndarray, "n n_yaws"]
+    coverage: Float[ndarray, " n"]
+    quality: Float[ndarray, " n"]
+    total: Float[ndarray, " n"]
+    best_yaw_rad: Float[ndarray, " n"]
+
+
+class GainEvaluator(Protocol):
+    """Scores viewpoints from the maps alone."""
+
+    def evaluate(
+        self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"], *, observed_share: float
+    ) -> ViewGains:
+        """Gains of a camera at each position, level, all yaws. `observed_share` is lambda_o of Eq. 10."""
+        ...

@@ -1,0 +1,165 @@
+"""The Gaussian map: named fields over arrays that grow in blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int, Int32, UInt16
+from numpy import ndarray
+
+from hgs_core.errors import MapError
+
+BLOCK: Final = 256
+"""Gaussians a block: culling tests a block's bounds before any Gaussian in it."""
+
+N_PARAMETERS: Final = 8
+
+CENTRE: Final = slice(0, 3)
+"""Columns of `parameters`: centre in the world [m]."""
+RGB: Final = slice(3, 6)
+"""Columns of `parameters`: colour, 0..1."""
+LOG_RADIUS: Final = 6
+"""Column of `parameters`: natural logarithm of the radius [m]."""
+LOGIT_OPACITY: Final = 7
+"""Column of `parameters`: logit of the opacity."""
+
+
+@dataclass(kw_only=True, eq=False)
+class GaussianMap:
+    """Isotropic Gaussians (HGS-Planner Eq. 1), 8 parameters each, and what is known of each.
+
+    Rows `0..size-1` of every array are in use; the rest is room to grow. Rows keep their order; new rows go
+    to the end. Sorting new rows by place before `append` keeps each block of `BLOCK` rows compact.
+    The mapper is the only writer; readers take `size` once and slice.
+    """
+
+    primitive: str = "isotropic"
+    size: int = 0
+    version: int = 0
+    """Raised by every change."""
+    parameters: Float32[ndarray, "capacity 8"] = field(
+        default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
+    )
+    adam_first_moment: Float32[ndarray, "capacity 8"] = field(
+        default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
+    )
+    adam_second_moment: Float32[ndarray, "capacity 8"] = field(
+        default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
+    )
+    adam_steps: Int32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.int32))
+    information: Float32[ndarray, "capacity 8"] = field(
+        default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
+    )
+    """H_train: diagonal Fisher information of each parameter, summed over keyframes (HGS-Planner Eq. 9)."""
+    information_weight: Float32[ndarray, " capacity"] = field(
+        default_factory=lambda: np.zeros(0, np.float32)
+    )
+    """Sum over the keyframes that saw the Gaussian of 1 / z^2 [1/m^2]: H_train / this = information from 1 m."""
+    anchor_keyframe: Int32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """The keyframe whose depth placed the Gaussian."""
+    n_depth_observations: UInt16[ndarray, " capacity"] = field(
+        default_factory=lambda: np.zeros(0, np.uint16)
+    )
+    """How many depth images have been averaged into the centre."""
+    block_bounds: Float32[ndarray, "n_blocks 6"] = field(
+        default_factory=lambda: np.zeros((0, 6), np.float32)
+    )
+    """Lower and upper corner [m] of the centres of each block, widened by its largest radius."""
+
+    def __len__(self) -> int:
+        return self.size
+
+    @property
+    def centres_m(self) -> Float32[ndarray, "size 3"]:
+        return self.parameters[: self.size, CENTRE]
+
+    @property
+    def rgb(self) -> Float32[ndarray, "size 3"]:
+        return self.parameters[: self.size, RGB]
+
+    @property
+    def radii_m(self) -> Float32[ndarray, " size"]:
+        radii: Float32[ndarray, " size"] = np.exp(self.parameters[: self.size, LOG_RADIUS])
+        return radii
+
+    @property
+    def opacities(self) -> Float32[ndarray, " size"]:
+        opacities: Float32[ndarray, " size"] = 1.0 / (1.0 + np.exp(-self.parameters[: self.size, LOGIT_OPACITY]))
+        return opacities
+
+    def append(self, parameters: Float32[ndarray, "n 8"], *, anchor_keyframe: int) -> None:
+        """Add rows with no history: moments, information and counts start at zero (one depth observation)."""
+        first, last = self.size, self.size + len(parameters)
+        self._reserve(last)
+        self.parameters[first:last] = parameters
+        for name in _HISTORY:
+            getattr(self, name)[first:last] = 0
+        self.anchor_keyframe[first:last] = anchor_keyframe
+        self.n_depth_observations[first:last] = 1
+        self.size = last
+        self.version += 1
+        self.refresh_blocks(first // BLOCK)
+
+    def keep(self, kept: Bool[ndarray, " size"]) -> None:
+        """Drop every row where `kept` is false; the others move up, order unchanged."""
+        if kept.shape != (self.size,):
+            raise MapError(f"keep needs one flag a Gaussian ({self.size}), got {kept.shape}")
+        rows: Int[ndarray, " n_kept"] = np.flatnonzero(kept)
+        for name in _ROWS:
+            array = getattr(self, name)
+            array[: len(rows)] = array[rows]
+        self.size = len(rows)
+        self.version += 1
+        self.refresh_blocks(0)
+
+    def refresh_blocks(self, first_block: int = 0) -> None:
+        """Recompute `block_bounds` from block `first_block` on."""
+        n_blocks = -(-self.size // BLOCK)
+        bounds = np.empty((n_blocks, 6), np.float32)
+        bounds[:first_block] = self.block_bounds[:first_block]
+        starts = np.arange(first_block * BLOCK, self.size, BLOCK)
+        if len(starts):
+            centres = self.parameters[first_block * BLOCK : self.size, CENTRE]
+            radii = np.exp(self.parameters[first_block * BLOCK : self.size, LOG_RADIUS])
+            local = starts - first_block * BLOCK
+            widest = np.maximum.reduceat(radii, local)[:, None]
+            bounds[first_block:, :3] = np.minimum.reduceat(centres, local) - widest
+            bounds[first_block:, 3:] = np.maximum.reduceat(centres, local) + widest
+        self.block_bounds = bounds
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to go on: plain arrays and numbers."""
+        arrays = {name: getattr(self, name)[: self.size].copy() for name in _ROWS}
+        return {"primitive": self.primitive, "version": self.version, **arrays}
+
+    @staticmethod
+    def restore(state: dict[str, Any]) -> GaussianMap:
+        restored = GaussianMap(primitive=state["primitive"], version=state["version"])
+        restored.size = len(state["parameters"])
+        for name in _ROWS:
+            setattr(restored, name, state[name].copy())
+        restored.refresh_blocks(0)
+        return restored
+
+    def _reserve(self, needed: int) -> None:
+        capacity = len(self.parameters)
+        if needed <= capacity:
+            return
+        grown = max(needed, int(capacity * 1.5), 64 * BLOCK)
+        for name in _ROWS:
+            old = getattr(self, name)
+            new = np.zeros((grown, *old.shape[1:]), old.dtype)
+            new[: self.size] = old[: self.size]
+            setattr(self, name, new)
+
+
+_HISTORY: Final = (
+    "adam_first_moment",
+    "adam_second_moment",
+    "adam_steps",
+    "information",
+    "information_weight",
+)
+_ROWS: Final = ("parameters", *_HISTORY, "anchor_keyframe", "n_depth_observations")

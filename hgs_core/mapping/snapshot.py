@@ -1,0 +1,21 @@
+"""What everything above the mapper sees of the maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.voxels.voxel_map import VoxelMap
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapSnapshot:
+    """Both maps at one moment: read-only by convention, versioned, never copied whole.
+
+    Valid until the mapper's next `integrate`; equal `version`s mean that nothing changed.
+    """
+
+    gaussians: GaussianMap
+    voxels: VoxelMap
+    version: int
+    timestamp_s: float

@@ -1,0 +1,149 @@
+"""What a mission reports, as it happens: plain data, versioned, ready for JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+from numpy import ndarray
+
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.plan import Plan
+from hgs_core.robot.robot import RobotState
+from hgs_core.sensing.frame import Frame
+
+EVENT_SCHEMA_VERSION = 1
+
+
+class MissionPhase(StrEnum):
+    PREPARING = "preparing"
+    RUNNING = "running"
+    PAUSED = "paused"
+    EVALUATING = "evaluating"
+    ENDED = "ended"
+
+
+class StopReason(StrEnum):
+    """Why a mission ended."""
+
+    COMPLETE = "complete"
+    INTERRUPTED = "interrupted"
+    TIME_LIMIT = "time_limit"
+    STUCK = "stuck"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionEvent:
+    """Base: `time_s` is mission time (simulated seconds under the lockstep clock)."""
+
+    kind: ClassVar[str]
+    time_s: float
+
+    def as_json(self) -> dict[str, Any]:
+        return {"schema": EVENT_SCHEMA_VERSION, "kind": self.kind, **asdict(self)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseChanged(MissionEvent):
+    kind: ClassVar[str] = "phase"
+    phase: MissionPhase
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telemetry(MissionEvent):
+    """After every integrated frame."""
+
+    kind: ClassVar[str] = "telemetry"
+    frame: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    path_length_m: float
+    collisions: int
+    n_gaussians: int
+    n_keyframes: int
+    observed_volume_m3: float
+    missing_volume_m3: float
+    psnr_current_db: float
+    """Of the newest frame against the map, observed surface."""
+    mapping_s: float
+    """Wall seconds that mapping took for this frame."""
+    wall_s: float
+    """Wall seconds since the mission began."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanMade(MissionEvent):
+    kind: ClassVar[str] = "plan"
+    reason: str
+    n_candidates: int
+    n_selected: int
+    n_reconstructing: int
+    path_length_m: float
+    observed_share: float
+    planning_s: float
+    candidates: tuple[dict[str, Any], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notice(MissionEvent):
+    """Something an operator should read: `level` is info, warning or error."""
+
+    kind: ClassVar[str] = "notice"
+    level: str
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionEnded(MissionEvent):
+    kind: ClassVar[str] = "ended"
+    stop_reason: StopReason
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MissionView:
+    """Everything a viewer may show at one moment. Arrays may be read only inside the callback."""
+
+    time_s: float
+    snapshot: MapSnapshot
+    robot: RobotState
+    plan: Plan | None
+    frame: Frame
+    trajectory_m: Float32[ndarray, "n 3"]
+    rendered_rgb: UInt8[ndarray, "h w 3"]
+    """The map drawn from the newest frame's pose, at half its resolution."""
+    rendered_depth_m: Float32[ndarray, "h w"]
+
+
+class MissionObserver(Protocol):
+    """Receives what happens; must return quickly and never raises into the loop."""
+
+    def on_event(self, event: MissionEvent) -> None: ...
+
+    def wants_view(self) -> bool:
+        """Asked after every frame; views cost time to make."""
+        ...
+
+    def on_view(self, view: MissionView) -> None: ...
+
+
+class Command(StrEnum):
+    PAUSE = "pause"
+    RESUME = "resume"
+    STOP = "stop"
+
+
+class CommandSource(Protocol):
+    """Operator commands, polled between iterations of the loop's steps."""
+
+    def poll(self) -> Command | None: ...
+
+
+def rgb_to_uint8(rgb: Float32[ndarray, "h w 3"]) -> UInt8[ndarray, "h w 3"]:
+    return (np.clip(rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)

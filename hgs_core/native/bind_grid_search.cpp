@@ -1,0 +1,3 @@
+#include "bind.hpp"
+
+void bind_grid_search(nanobind::module_& m) { (void)m; }

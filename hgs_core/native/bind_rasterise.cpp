@@ -1,0 +1,3 @@
+#include "bind.hpp"
+
+void bind_rasterise(nanobind::module_& m) { (void)m; }

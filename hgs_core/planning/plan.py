@@ -1,0 +1,149 @@
+"""A plan that explains itself: the viewer, the log and the tests read the same object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from hgs_core.geometry.boxes import Box
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.robot.path import Path
+from hgs_core.robot.robot import RobotState
+
+
+class SubspaceState(StrEnum):
+    """HGS-Planner section III-D: observed voxels only, both kinds, unobserved voxels only."""
+
+    RECONSTRUCTED = "reconstructed"
+    RECONSTRUCTING = "reconstructing"
+    UNRECONSTRUCTED = "unreconstructed"
+
+
+class CandidateStatus(StrEnum):
+    """What became of a candidate viewpoint, and why."""
+
+    SELECTED = "selected"
+    BELOW_THRESHOLD = "below_threshold"
+    UNREACHABLE = "unreachable"
+    CROSSING = "crossing"
+    """A crossing of the global path with the horizon: stays whatever its gain."""
+
+
+class UnseenReason(StrEnum):
+    """Why a region was left unseen."""
+
+    UNREACHABLE = "unreachable"
+    BELOW_THRESHOLD = "below_threshold"
+    OCCLUDED = "occluded"
+    OUT_OF_BOUNDS = "out_of_bounds"
+    TIME_LIMIT = "time_limit"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One place that was considered. Gains are those of the best yaw."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    coverage_gain: float
+    quality_gain: float
+    total_gain: float
+    status: CandidateStatus
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subspace:
+    """One cuboid of the global level."""
+
+    lower_m: tuple[float, float, float]
+    upper_m: tuple[float, float, float]
+    state: SubspaceState
+    missing_volume_m3: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningTimes:
+    """Wall seconds of one cycle; `total_s` = T_P = T_VE + T_LP + T_GP (HGS-Planner section IV-B)."""
+
+    viewpoint_evaluation_s: float
+    local_s: float
+    global_s: float
+
+    @property
+    def total_s(self) -> float:
+        return self.viewpoint_evaluation_s + self.local_s + self.global_s
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """Where to drive and look next, and everything that led to it.
+
+    `path` begins at the robot and passes the selected viewpoints in order. `global_tour_m` and
+    `local_path_m` are polylines for display; the executed path is `path` alone.
+    """
+
+    path: Path
+    candidates: tuple[Candidate, ...]
+    subspaces: tuple[Subspace, ...]
+    global_tour_m: Float[ndarray, "n_tour 3"]
+    local_path_m: Float[ndarray, "n_local 3"]
+    horizon: Box
+    observed_share: float
+    """lambda_o: the share of the horizon's voxels that have been observed (HGS-Planner Eq. 10)."""
+    reason: str
+    """One sentence for an operator: why this and not something else."""
+    times: PlanningTimes
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnseenRegion:
+    """A region that the mission leaves unseen."""
+
+    lower_m: tuple[float, float, float]
+    upper_m: tuple[float, float, float]
+    volume_m3: float
+    reason: UnseenReason
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NothingLeft:
+    """The planner's answer when no place is worth going to: what stays unseen, and why."""
+
+    unseen: tuple[UnseenRegion, ...]
+    candidates: tuple[Candidate, ...]
+    subspaces: tuple[Subspace, ...]
+    times: PlanningTimes
+    reason: str
+
+
+class Planner(Protocol):
+    """Decides where to look next from the maps and the robot's state alone."""
+
+    def plan(
+        self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator
+    ) -> Plan | NothingLeft:
+        """One planning cycle."""
+        ...
+
+    def should_replan(self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int) -> str | None:
+        """Why the plan under way should be dropped (blocked, target already seen, ...), or None.
+
+        Called after every integrated frame: cheap. A blocked path must always be reported.
+        """
+        ...
+
+    def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
+        """What is unseen now, and why (used when a mission ends for another reason)."""
+        ...
+
+    def state(self) -> dict[str, Any]: ...
+
+    def restore(self, state: dict[str, Any]) -> None: ...

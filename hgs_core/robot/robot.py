@@ -1,0 +1,65 @@
+"""The seam between the loop and a vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.robot.path import Path
+from pydantic import Field
+
+
+class RobotConfig(StrictConfig):
+    """A wheeled robot: an upright cylinder that turns in place and drives forward."""
+
+    radius_m: float = Field(0.25, gt=0)
+    """Radius of the footprint [m]."""
+    height_m: float = Field(1.1, gt=0)
+    """Height of the body above the floor [m]."""
+    max_speed_mps: float = Field(1.0, gt=0)
+    """Driving speed [m/s]."""
+    max_turn_rate_degps: float = Field(60.0, gt=0)
+    """Turning rate in place [degrees/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotState:
+    """Where the robot is, and what it has done so far. `collisions` counts contacts, not ticks."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    timestamp_s: float
+    path_length_m: float
+    collisions: int
+    robot_id: str = "robot0"
+
+
+class Robot(Protocol):
+    """A vehicle that follows one path at a time."""
+
+    @property
+    def state(self) -> RobotState: ...
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the current path is finished (true before the first path, and after `stop`)."""
+        ...
+
+    @property
+    def waypoints_passed(self) -> int:
+        """How many waypoints of the current path have been reached, taken-up yaws included."""
+        ...
+
+    def follow(self, path: Path) -> None:
+        """Replace the current path. Raises `RobotError` when it does not begin near the robot."""
+        ...
+
+    def advance(self, duration_s: float) -> RobotState:
+        """Let `duration_s` seconds pass."""
+        ...
+
+    def stop(self) -> None:
+        """Drop the current path and stand."""
+        ...
