@@ -1,3 +1,75 @@
-#include "bind.hpp"
+#include <vector>
 
-void bind_fusion(nanobind::module_& m) { (void)m; }
+#include "bind.hpp"
+#include "centre_fusion.hpp"
+#include "depth_filter.hpp"
+
+namespace nb = nanobind;
+using nb::ndarray;
+
+namespace {
+
+using Image = ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using MutableImage = ndarray<std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Depth = ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using MutableDepth = ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+void bind_halve_frame(nb::module_& m) {
+  m.def(
+      "halve_frame",
+      [](Image rgb, Depth depth, float edge_m, MutableImage rgb_half, MutableDepth depth_half) {
+        const int height = int(depth.shape(0)), width = int(depth.shape(1));
+        nb::gil_scoped_release released;
+        hgs::halve_frame(rgb.data(), depth.data(), width, height, edge_m, rgb_half.data(),
+                         depth_half.data());
+      },
+      nb::arg("rgb"), nb::arg("depth"), nb::arg("edge_m"), nb::arg("rgb_half").noconvert(),
+      nb::arg("depth_half").noconvert());
+}
+
+void bind_smooth_depth(nb::module_& m) {
+  m.def(
+      "smooth_depth",
+      [](Depth depth, int radius, float gate_m, MutableDepth smoothed) {
+        const int height = int(depth.shape(0)), width = int(depth.shape(1));
+        nb::gil_scoped_release released;
+        hgs::smooth_depth(depth.data(), width, height, radius, gate_m, smoothed.data());
+      },
+      nb::arg("depth"), nb::arg("radius"), nb::arg("gate_m"), nb::arg("smoothed").noconvert());
+}
+
+void bind_fuse_centres(nb::module_& m) {
+  m.def(
+      "fuse_centres",
+      [](ndarray<float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu> parameters,
+         ndarray<std::uint16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> counts,
+         ndarray<const float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu> bounds, int block, Depth depth,
+         float fx, float fy, float cx, float cy,
+         ndarray<const float, nb::shape<3, 3>, nb::c_contig, nb::device::cpu> rotation,
+         ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu> translation, float gate_m,
+         float gate_slope, int max_count, float coarse_px, float coarse_m) {
+        auto rows = new std::vector<std::int32_t>();
+        nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<std::int32_t>*>(p); });
+        hgs::FusionView view{depth.data(), int(depth.shape(1)), int(depth.shape(0)), fx, fy, cx, cy, {}, {}};
+        for (int k = 0; k < 9; ++k) view.rotation[k] = rotation.data()[k];
+        for (int k = 0; k < 3; ++k) view.translation[k] = translation.data()[k];
+        {
+          nb::gil_scoped_release released;
+          hgs::fuse_centres(parameters.data(), counts.data(), long(parameters.shape(0)), bounds.data(), block,
+                            view, gate_m, gate_slope, max_count, coarse_px, coarse_m, *rows);
+        }
+        return ndarray<nb::numpy, std::int32_t, nb::ndim<1>>(rows->data(), {rows->size()}, owner);
+      },
+      nb::arg("parameters").noconvert(), nb::arg("counts").noconvert(), nb::arg("bounds"), nb::arg("block"),
+      nb::arg("depth"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("rotation"),
+      nb::arg("translation"), nb::kw_only(), nb::arg("gate_m"), nb::arg("gate_slope"), nb::arg("max_count"),
+      nb::arg("coarse_px"), nb::arg("coarse_m"));
+}
+
+}  // namespace
+
+void bind_fusion(nb::module_& m) {
+  bind_halve_frame(m);
+  bind_smooth_depth(m);
+  bind_fuse_centres(m);
+}
