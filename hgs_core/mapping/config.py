@@ -1,0 +1,61 @@
+"""Settings of the mapper."""
+
+from pydantic import Field
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.gaussians.optimise import LearningRates, LossWeights
+
+
+class DepthFusionConfig(StrictConfig):
+    """How noisy depth becomes thin surfaces."""
+
+    smoothing_radius_px: int = Field(2, ge=0)
+    """Half-width of the edge-aware window, in pixels of the halved image."""
+    smoothing_gate_m: float = Field(0.025, gt=0)
+    """How far a pair of opposite pixels may disagree with the centre and still be averaged in."""
+    gate_m: float = Field(0.04, gt=0)
+    """A Gaussian this near to the measured depth is the surface that the depth shows."""
+    gate_slope: float = Field(0.008, ge=0)
+    """Growth of that gate per metre of distance."""
+    max_observations: int = Field(40, ge=1)
+    """The running mean of a centre forgets beyond so many depth images."""
+
+
+class InsertionConfig(StrictConfig):
+    """Where Gaussians are added, and how they start."""
+
+    lattice_px: int = Field(4, ge=2, multiple_of=2)
+    """Spacing of new Gaussians in pixels of the full image."""
+    min_spacing_m: float = Field(0.012, gt=0)
+    """Near surfaces get a coarser lattice rather than Gaussians closer together than this."""
+    radius_factor: float = Field(0.6, gt=0)
+    """Radius of a new Gaussian in units of its spacing."""
+    opacity: float = Field(0.95, gt=0, lt=1)
+    silhouette_threshold: float = Field(0.5, gt=0, lt=1)
+    """Gaussians are added where less than this of the pixel is covered."""
+    depth_margin_m: float = Field(0.06, gt=0)
+    """... or where the map lies farther than the measurement by more than this."""
+    replace_factor: float = Field(1.8, gt=1)
+    """Splats so many times larger than this view would place are replaced by finer ones."""
+
+
+class MappingConfig(StrictConfig):
+    """The Gaussian mapper: bounded work for every frame."""
+
+    iterations_per_frame: int = Field(8, ge=0)
+    """Optimisation steps after each frame, one image each, at half resolution."""
+    current_frame_share: float = Field(0.35, ge=0, le=1)
+    """Share of the steps spent on the newest frame; the others go to overlapping keyframes."""
+    keyframe_translation_m: float = Field(0.4, gt=0)
+    keyframe_rotation_deg: float = Field(20.0, gt=0)
+    """A frame becomes a keyframe when it moved or turned by this much since the last one."""
+    max_gaussians: int = Field(1_500_000, ge=1000)
+    """Near this budget the lattice of new Gaussians gets coarser; at it none are added."""
+    prune_interval: int = Field(10, ge=1)
+    """Frames between prunings."""
+    prune_opacity: float = Field(0.05, gt=0, lt=1)
+    """Gaussians fainter than this are dropped."""
+    fusion: DepthFusionConfig = DepthFusionConfig()
+    insertion: InsertionConfig = InsertionConfig()
+    loss: LossWeights = LossWeights()
+    rates: LearningRates = LearningRates()
