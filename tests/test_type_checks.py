@@ -44,3 +44,7 @@ def test_a_spawned_process_is_not_checked() -> None:
     )
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert answer.stdout == "unchecked\n"
+
+
+def test_an_int_may_stand_for_a_float() -> None:
+    assert CameraIntrinsics.centred(4, 3, 2).fx == 2

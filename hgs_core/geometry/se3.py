@@ -1,7 +1,8 @@
 """Rigid transforms.
 
 Parameter order: a twist is `(v_x, v_y, v_z, w_x, w_y, w_z)`, translation first; quaternions are `wxyz`.
-`p_world = T_world_camera @ p_camera`. All operations accept leading batch axes.
+`p_world = T_world_camera @ p_camera`. All operations accept leading batch axes, and broadcast them.
+Source of the closed forms: Barfoot, "State Estimation for Robotics", section 7.1 (left Jacobian of SO(3)).
 """
 
 from __future__ import annotations
@@ -29,7 +30,19 @@ class SE3:
 
     @staticmethod
     def from_matrix(matrix: Float[ndarray, "*batch 4 4"]) -> SE3:
-        return SE3(rotation=matrix[..., :3, :3], translation=matrix[..., :3, 3])
+        """Raises `SensorError` for a matrix that is not a rigid transform within 1e-3."""
+        rotation = matrix[..., :3, :3]
+        gram_error = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3))
+        row_error = np.abs(matrix[..., 3, :] - np.array([0.0, 0.0, 0.0, 1.0]))
+        # Written so that NaN fails, too.
+        if not (
+            np.all(gram_error < 1e-3) and np.all(np.linalg.det(rotation) > 0) and np.all(row_error < 1e-3)
+        ):
+            raise SensorError(
+                f"not a rigid transform: {matrix.tolist()}; expected [R t; 0 0 0 1] with R a rotation "
+                "(orthonormal, determinant +1)"
+            )
+        return SE3(rotation=rotation, translation=matrix[..., :3, 3])
 
     @staticmethod
     def from_quaternion_wxyz(
@@ -48,34 +61,40 @@ class SE3:
         omega = twist[..., 3:]
         angle = np.linalg.norm(omega, axis=-1)[..., None, None]
         hat = _hat(omega)
-        small = angle < 1e-6
+        # b = (1 - cos a) / a^2 without its cancellation near 0 (np.sinc(x) = sin(pi x) / (pi x)).
+        b = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+        # c = (a - sin a) / a^3; below 0.01 the series is exact to double precision.
+        small = angle < 1e-2
         safe = np.where(small, 1.0, angle)
-        b = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-        c = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
+        series = 1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0
+        c = np.where(small, series, (safe - np.sin(safe)) / safe**3)
         left_jacobian = np.eye(3) + b * hat + c * (hat @ hat)
         translation = (left_jacobian @ twist[..., :3, None])[..., 0]
         flat = Rotation.from_rotvec(omega.reshape(-1, 3)).as_matrix()
         return SE3(rotation=flat.reshape(*omega.shape[:-1], 3, 3), translation=translation)
 
     def log(self) -> Float[ndarray, "*batch 6"]:
-        """The twist whose `exp` is this transform; rotation angle in [0, pi]."""
+        """The twist whose `exp` is this transform; rotation angle in [0, pi].
+
+        At exactly pi the axis's sign is arbitrary; `exp` gives the same transform for both.
+        """
         flat = Rotation.from_matrix(self.rotation.reshape(-1, 3, 3)).as_rotvec()
         omega = flat.reshape(*self.rotation.shape[:-2], 3)
         angle = np.linalg.norm(omega, axis=-1)[..., None, None]
         hat = _hat(omega)
-        small = angle < 1e-4
+        # d = (1 - (a/2) cot(a/2)) / a^2; below 0.01 the series is exact to double precision.
+        small = angle < 1e-2
         safe = np.where(small, 1.0, angle)
         half = safe / 2.0
-        d = np.where(small, 1.0 / 12.0 + angle**2 / 720.0, (1.0 - half / np.tan(half)) / safe**2)
+        series = 1.0 / 12.0 + angle**2 / 720.0 + angle**4 / 30240.0
+        d = np.where(small, series, (1.0 - half / np.tan(half)) / safe**2)
         inverse_jacobian = np.eye(3) - 0.5 * hat + d * (hat @ hat)
         v = (inverse_jacobian @ self.translation[..., None])[..., 0]
         return np.concatenate([v, omega], axis=-1)
 
     def inverse(self) -> SE3:
         transposed = np.swapaxes(self.rotation, -1, -2)
-        return SE3(
-            rotation=transposed, translation=-(transposed @ self.translation[..., None])[..., 0]
-        )
+        return SE3(rotation=transposed, translation=-(transposed @ self.translation[..., None])[..., 0])
 
     def __matmul__(self, other: SE3) -> SE3:
         return SE3(
