@@ -1,3 +1,153 @@
-#include "bind.hpp"
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 
-void bind_grid_search(nanobind::module_& m) { (void)m; }
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+#include <tuple>
+#include <vector>
+
+#include "bind.hpp"
+#include "grid_kernels.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+template <typename T>
+using Grid = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+template <typename T>
+using Vector = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// A NumPy array that owns `data`.
+template <typename T, size_t N>
+nb::ndarray<nb::numpy, T, nb::ndim<N>> owned(std::unique_ptr<T[]> data, const size_t (&shape)[N]) {
+  T* raw = data.release();
+  nb::capsule owner(raw, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return nb::ndarray<nb::numpy, T, nb::ndim<N>>(raw, N, shape, owner);
+}
+
+void check_cells(const int32_t* cells, size_t n, size_t n_cells) {
+  for (size_t k = 0; k < n; ++k)
+    if (cells[k] < 0 || static_cast<size_t>(cells[k]) >= n_cells) throw std::out_of_range("cell outside the grid");
+}
+
+hgs::CostGrid view(const Grid<float>& cost) {
+  return {cost.data(), static_cast<int>(cost.shape(0)), static_cast<int>(cost.shape(1))};
+}
+
+void check_same_shape(size_t nx, size_t ny, size_t mx, size_t my) {
+  if (nx != mx || ny != my) throw std::invalid_argument("grids differ in shape");
+}
+
+}  // namespace
+
+void bind_grid_search(nb::module_& m) {
+  m.def(
+      "grid_dijkstra",
+      [](Grid<float> cost, Vector<int32_t> seeds, Vector<double> seed_costs) {
+        const size_t shape[2] = {cost.shape(0), cost.shape(1)};
+        const size_t n_cells = shape[0] * shape[1];
+        check_cells(seeds.data(), seeds.shape(0), n_cells);
+        if (seeds.shape(0) != seed_costs.shape(0)) throw std::invalid_argument("one cost a seed");
+        auto distance = std::make_unique<double[]>(n_cells);
+        auto parent = std::make_unique<int32_t[]>(n_cells);
+        {
+          nb::gil_scoped_release release;
+          hgs::grid_dijkstra(view(cost), seeds.data(), seed_costs.data(), static_cast<int>(seeds.shape(0)), nullptr, 0,
+                             distance.get(), parent.get());
+        }
+        return std::make_tuple(owned(std::move(distance), shape), owned(std::move(parent), shape));
+      },
+      nb::arg("cost"), nb::arg("seeds"), nb::arg("seed_costs"),
+      "Distances and parents of all cells from the seeds (flat cell indices).");
+
+  m.def(
+      "grid_astar",
+      [](Grid<float> cost, int32_t start, int32_t goal) {
+        const size_t n_cells = cost.shape(0) * cost.shape(1);
+        check_cells(&start, 1, n_cells);
+        check_cells(&goal, 1, n_cells);
+        auto path = std::make_unique<int32_t[]>(n_cells);
+        double length = 0.0;
+        int n = 0;
+        {
+          nb::gil_scoped_release release;
+          n = hgs::grid_astar(view(cost), start, goal, path.get(), &length);
+        }
+        const size_t shape[1] = {static_cast<size_t>(n)};
+        return std::make_tuple(owned(std::move(path), shape), length);
+      },
+      nb::arg("cost"), nb::arg("start"), nb::arg("goal"),
+      "Cells from start to goal (empty: no way) and the cost of the way.");
+
+  m.def(
+      "grid_pairwise",
+      [](Grid<float> cost, Vector<int32_t> cells) {
+        const size_t n = cells.shape(0);
+        check_cells(cells.data(), n, cost.shape(0) * cost.shape(1));
+        const size_t shape[2] = {n, n};
+        auto distance = std::make_unique<double[]>(n * n);
+        {
+          nb::gil_scoped_release release;
+          hgs::grid_pairwise(view(cost), cells.data(), static_cast<int>(n), distance.get());
+        }
+        return owned(std::move(distance), shape);
+      },
+      nb::arg("cost"), nb::arg("cells"), "Path costs between every two cells, +inf where there is no way.");
+
+  m.def(
+      "grid_box_clearance",
+      [](Grid<uint8_t> blocked, float cap) {
+        const size_t shape[2] = {blocked.shape(0), blocked.shape(1)};
+        auto clearance = std::make_unique<float[]>(shape[0] * shape[1]);
+        {
+          nb::gil_scoped_release release;
+          hgs::grid_box_clearance(blocked.data(), static_cast<int>(shape[0]), static_cast<int>(shape[1]), cap,
+                                  clearance.get());
+        }
+        return owned(std::move(clearance), shape);
+      },
+      nb::arg("blocked"), nb::arg("cap"), "Distance [cells] of cell centres to the nearest blocked box, capped.");
+
+  m.def(
+      "grid_segments",
+      [](Grid<uint8_t> blocked, Grid<float> clearance, Grid<float> soft_cost, Grid<double> segments, double step,
+         double cap) {
+        check_same_shape(blocked.shape(0), blocked.shape(1), clearance.shape(0), clearance.shape(1));
+        check_same_shape(blocked.shape(0), blocked.shape(1), soft_cost.shape(0), soft_cost.shape(1));
+        if (segments.shape(1) != 4) throw std::invalid_argument("a segment is x0, y0, x1, y1");
+        const size_t shape[1] = {segments.shape(0)};
+        auto least = std::make_unique<double[]>(shape[0]);
+        auto cost = std::make_unique<double[]>(shape[0]);
+        {
+          nb::gil_scoped_release release;
+          hgs::grid_segments(blocked.data(), clearance.data(), soft_cost.data(), static_cast<int>(blocked.shape(0)),
+                             static_cast<int>(blocked.shape(1)), segments.data(), static_cast<int>(shape[0]), step, cap,
+                             least.get(), cost.get());
+        }
+        return std::make_tuple(owned(std::move(least), shape), owned(std::move(cost), shape));
+      },
+      nb::arg("blocked"), nb::arg("clearance"), nb::arg("soft_cost"), nb::arg("segments"), nb::arg("step"),
+      nb::arg("cap"), "Least clearance and cost integral of straight segments [cells].");
+
+  m.def(
+      "open_tour",
+      [](Grid<double> cost, int fixed_end) {
+        const size_t n = cost.shape(0);
+        if (cost.shape(1) != n || n == 0) throw std::invalid_argument("a tour needs a square, non-empty matrix");
+        for (size_t k = 0; k < n * n; ++k)
+          if (!std::isfinite(cost.data()[k])) throw std::invalid_argument("tour costs must be finite");
+        if (fixed_end == 0 || fixed_end >= static_cast<int>(n)) throw std::out_of_range("fixed end");
+        const size_t shape[1] = {n};
+        auto order = std::make_unique<int32_t[]>(n);
+        double total = 0.0;
+        {
+          nb::gil_scoped_release release;
+          total = hgs::open_tour(cost.data(), static_cast<int>(n), fixed_end, order.get());
+        }
+        return std::make_tuple(owned(std::move(order), shape), total);
+      },
+      nb::arg("cost"), nb::arg("fixed_end"),
+      "Order of an open tour from node 0 (ending at `fixed_end` unless it is negative) and its cost.");
+}

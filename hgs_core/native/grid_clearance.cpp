@@ -1,0 +1,92 @@
+// Exact distances from points of the plane to the boxes of blocked cells.
+//
+// The distance of a point p to the box of cell c is |max(|p - centre(c)| - 1/2, 0)|, taken per axis. Everything
+// outside the grid is blocked, so the distance to the grid's border bounds it, too.
+#include <algorithm>
+#include <cmath>
+
+#include "grid_kernels.hpp"
+
+namespace hgs {
+namespace {
+
+inline double border_distance(double x, double y, int nx, int ny) {
+  return std::max(0.0, std::min(std::min(x, nx - x), std::min(y, ny - y)));
+}
+
+inline double box_distance(double x, double y, int i, int j) {
+  const double dx = std::max(std::abs(x - (i + 0.5)) - 0.5, 0.0);
+  const double dy = std::max(std::abs(y - (j + 0.5)) - 0.5, 0.0);
+  return std::sqrt(dx * dx + dy * dy);
+}
+
+// The least box distance at (x, y), if it is below `least`; otherwise `least`.
+double lower_by_boxes(const uint8_t* blocked, int nx, int ny, double x, double y, double least) {
+  least = std::min(least, border_distance(x, y, nx, ny));
+  const int i0 = std::max(0, static_cast<int>(std::floor(x - least)));
+  const int i1 = std::min(nx - 1, static_cast<int>(std::floor(x + least)));
+  const int j0 = std::max(0, static_cast<int>(std::floor(y - least)));
+  const int j1 = std::min(ny - 1, static_cast<int>(std::floor(y + least)));
+  for (int i = i0; i <= i1; ++i)
+    for (int j = j0; j <= j1; ++j)
+      if (blocked[static_cast<size_t>(i) * ny + j]) least = std::min(least, box_distance(x, y, i, j));
+  return least;
+}
+
+}  // namespace
+
+void grid_box_clearance(const uint8_t* blocked, int nx, int ny, float cap, float* clearance) {
+  const auto at = [&](int i, int j) { return blocked[static_cast<size_t>(i) * ny + j] != 0; };
+  for (int i = 0; i < nx; ++i)
+    for (int j = 0; j < ny; ++j)
+      clearance[static_cast<size_t>(i) * ny + j] =
+          at(i, j) ? 0.0f : std::min(cap, static_cast<float>(border_distance(i + 0.5, j + 0.5, nx, ny)));
+  const int reach = static_cast<int>(std::ceil(cap + 0.5f));
+  for (int i = 0; i < nx; ++i)
+    for (int j = 0; j < ny; ++j) {
+      if (!at(i, j)) continue;
+      // Only a blocked cell with an open face-neighbour can be the nearest one of an open cell.
+      const bool exposed = (i > 0 && !at(i - 1, j)) || (i + 1 < nx && !at(i + 1, j)) || (j > 0 && !at(i, j - 1)) ||
+                           (j + 1 < ny && !at(i, j + 1));
+      if (!exposed) continue;
+      for (int u = std::max(0, i - reach); u <= std::min(nx - 1, i + reach); ++u)
+        for (int v = std::max(0, j - reach); v <= std::min(ny - 1, j + reach); ++v) {
+          float& value = clearance[static_cast<size_t>(u) * ny + v];
+          if (value > 0.0f) value = std::min(value, static_cast<float>(box_distance(u + 0.5, v + 0.5, i, j)));
+        }
+    }
+}
+
+void grid_segments(const uint8_t* blocked, const float* clearance, const float* soft_cost, int nx, int ny,
+                   const double* segments, int n_segments, double step, double cap, double* least_clearance,
+                   double* cost) {
+  for (int s = 0; s < n_segments; ++s) {
+    const double* seg = segments + static_cast<size_t>(s) * 4;
+    const double dx = seg[2] - seg[0];
+    const double dy = seg[3] - seg[1];
+    const double length = std::sqrt(dx * dx + dy * dy);
+    const int n = std::max(1, static_cast<int>(std::ceil(length / step)));
+    double least = cap;
+    double total = 0.0;
+    for (int k = 0; k <= n; ++k) {
+      const double t = static_cast<double>(k) / n;
+      const double x = seg[0] + t * dx;
+      const double y = seg[1] + t * dy;
+      if (!(x >= 0 && y >= 0 && x < nx && y < ny)) {
+        least = 0.0;
+        continue;
+      }
+      const int i = static_cast<int>(x);
+      const int j = static_cast<int>(y);
+      const size_t cell = static_cast<size_t>(i) * ny + j;
+      total += (k == 0 || k == n ? 0.5 : 1.0) * soft_cost[cell];
+      // Clearance is 1-Lipschitz: the field at the cell's centre bounds it from below, so most samples end here.
+      const double bound = clearance[cell] - std::hypot(x - (i + 0.5), y - (j + 0.5));
+      if (bound < least) least = lower_by_boxes(blocked, nx, ny, x, y, least);
+    }
+    least_clearance[s] = least;
+    cost[s] = total * length / n;
+  }
+}
+
+}  // namespace hgs

@@ -1,0 +1,45 @@
+// Kernels over a 2-D grid: shortest paths, clearance to cell boxes, open tours. Plain arrays, no Python.
+//
+// A grid has nx rows and ny columns, cell (i, j) at index i * ny + j covers [i, i+1) x [j, j+1); all lengths
+// are in cells. Everything outside the grid counts as blocked.
+#pragma once
+#include <cstdint>
+
+namespace hgs {
+
+// Costs per unit length: positive and finite = passable; anything else = impassable.
+struct CostGrid {
+  const float* cost;
+  int nx;
+  int ny;
+};
+
+// One-to-all Dijkstra from `n_seeds` cells with initial costs. 8-connected; a step costs its length times the
+// mean cost of its two cells; a diagonal step needs both cells beside it passable. `distance` is +inf and
+// `parent` -1 where unreached; a seed is its own parent. Stops early once `n_targets` (> 0) are settled.
+void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
+                   const int32_t* targets, int n_targets, double* distance, int32_t* parent);
+
+// Point-to-point A* under the same rules; the heuristic is the octile distance times the lowest cost.
+// Writes the cells from start to goal to `path` (room for nx * ny) and returns their number, 0 if none.
+int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path, double* length);
+
+// distance[a * n + b] between every two of `n` cells (OpenMP over the sources).
+void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* distance);
+
+// Distance from each cell's centre to the nearest blocked cell's box (or the grid's border), at most `cap`;
+// 0 in blocked cells.
+void grid_box_clearance(const uint8_t* blocked, int nx, int ny, float cap, float* clearance);
+
+// For each segment (x0, y0, x1, y1): the least distance to a blocked box (at most `cap`) and the integral of
+// `soft_cost`, sampled every `step` or less, both ends included. `clearance` is grid_box_clearance's result for
+// the same grid with the same cap.
+void grid_segments(const uint8_t* blocked, const float* clearance, const float* soft_cost, int nx, int ny,
+                   const double* segments, int n_segments, double step, double cap, double* least_clearance,
+                   double* cost);
+
+// Shortest open tour through n nodes that begins at node 0 and, when `fixed_end` >= 0, ends there. `cost` is
+// n x n, may be asymmetric. Exact (Held-Karp) up to 11 further nodes, else multi-start 2-opt and Or-opt.
+double open_tour(const double* cost, int n, int fixed_end, int32_t* order);
+
+}  // namespace hgs
