@@ -16,7 +16,9 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 # a test spawns import the package plainly, as in production.
 from jaxtyping import install_import_hook
 
-install_import_hook("hgs_core", "beartype.beartype")
+import tests.runtime_types
+
+install_import_hook("hgs_core", f"{tests.runtime_types.__name__}.checked")
 
 import hypothesis
 import pytest
