@@ -1,3 +1,75 @@
 #include "bind.hpp"
+#include "voxel_kernels.hpp"
 
-void bind_voxels(nanobind::module_& m) { (void)m; }
+namespace nb = nanobind;
+
+namespace {
+
+template <class T>
+using Volume = nb::ndarray<T, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Vector3 = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+hgs::Grid grid_of(const Volume<T>& a) {
+  return {{static_cast<std::int64_t>(a.shape(0)), static_cast<std::int64_t>(a.shape(1)),
+           static_cast<std::int64_t>(a.shape(2))}};
+}
+
+template <class A, class B>
+void require_same_shape(const A& a, const B& b) {
+  for (std::size_t i = 0; i < 3; ++i)
+    if (a.shape(i) != b.shape(i)) throw nb::value_error("voxel arrays differ in shape");
+}
+
+void integrate_rays(Volume<std::uint8_t> states, Volume<float> log_odds, Vector3 origin,
+                    nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu> ends,
+                    nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu> is_hit, float hit, float miss,
+                    float lowest, float highest) {
+  require_same_shape(states, log_odds);
+  if (ends.shape(0) != is_hit.shape(0)) throw nb::value_error("one hit flag a ray end is needed");
+  const nb::gil_scoped_release unlocked;
+  hgs::integrate_rays(grid_of(states), states.data(), log_odds.data(), {origin(0), origin(1), origin(2)}, ends.data(),
+                      reinterpret_cast<const std::uint8_t*>(is_hit.data()),
+                      static_cast<std::int64_t>(ends.shape(0)), {hit, miss, lowest, highest});
+}
+
+std::int64_t count_attempts(Volume<const std::uint8_t> states, Volume<std::uint8_t> attempts,
+                            nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu> rotation,
+                            Vector3 position, double fx, double fy, double cx, double cy,
+                            nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu> depth_m, double range_m,
+                            double cell_m, double border_px) {
+  require_same_shape(states, attempts);
+  const nb::gil_scoped_release unlocked;
+  hgs::GridCamera camera{{},
+                         {position(0), position(1), position(2)},
+                         fx,
+                         fy,
+                         cx,
+                         cy,
+                         static_cast<std::int64_t>(depth_m.shape(1)),
+                         static_cast<std::int64_t>(depth_m.shape(0))};
+  for (std::size_t i = 0; i < 9; ++i) camera.rotation[i] = rotation.data()[i];
+  return hgs::count_attempts(grid_of(states), states.data(), attempts.data(), camera, depth_m.data(), range_m,
+                             cell_m, border_px);
+}
+
+void missing_voxels(Volume<const std::uint8_t> states, Volume<const std::uint8_t> attempts, std::uint8_t max_attempts,
+                    std::int64_t min_cluster, Volume<bool> missing) {
+  require_same_shape(states, attempts);
+  require_same_shape(states, missing);
+  const nb::gil_scoped_release unlocked;
+  hgs::missing_voxels(grid_of(states), states.data(), attempts.data(), max_attempts, min_cluster, missing.data());
+}
+
+}  // namespace
+
+void bind_voxels(nb::module_& m) {
+  using namespace nb::literals;
+  m.def("integrate_rays", &integrate_rays, "states"_a, "log_odds"_a, "origin"_a, "ends"_a, "is_hit"_a, "hit"_a,
+        "miss"_a, "lowest"_a, "highest"_a, "Update a log-odds map by rays; coordinates in cells of the arrays.");
+  m.def("count_attempts", &count_attempts, "states"_a, "attempts"_a, "rotation"_a, "position"_a, "fx"_a, "fy"_a,
+        "cx"_a, "cy"_a, "depth_m"_a, "range_m"_a, "cell_m"_a, "border_px"_a,
+        "Count looks in vain at unobserved voxels; the position in cells. Returns how many.");
+  m.def("missing_voxels", &missing_voxels, "states"_a, "attempts"_a, "max_attempts"_a, "min_cluster"_a, "missing"_a,
+        "Mark the missing voxels.");
+}

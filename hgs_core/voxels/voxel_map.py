@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any
+from typing import Any, Final
 
-from hgs_core.config.base import StrictConfig
-from hgs_core.geometry.boxes import Box
-from hgs_core.sensing.frame import Frame, Scan
+import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 from numpy import ndarray
 from pydantic import Field
+
+import hgs_core.native.kernels as kernels
+from hgs_core.config.base import StrictConfig
+from hgs_core.errors import MapError
+from hgs_core.geometry.boxes import Box
+from hgs_core.sensing.frame import Frame, Scan
+from hgs_core.voxels.rays import RayEnds, frame_rays, scan_rays
+
+GROWTH_STEP: Final = np.array([64, 64, 16])
+"""A growing map's bounds are multiples of these [voxels]: rooms are wide and low."""
+
+MAX_VOXELS: Final = 1_000_000_000
+"""A map that would grow beyond this is a sign of broken poses, not of a large building."""
 
 
 class VoxelState(IntEnum):
@@ -29,19 +40,25 @@ class VoxelConfig(StrictConfig):
     """Every how many pixels of a depth image a ray is integrated."""
     min_missing_cluster: int = Field(8, ge=1)
     """Missing voxels in smaller connected clusters (26-neighbours) do not count as missing."""
-    max_attempts: int = Field(3, ge=1)
-    """After so many clear lines of sight without an observation an unobserved voxel is dismissed (occluded)."""
+    max_attempts: int = Field(3, ge=1, le=255)
+    """After so many looks in vain an unobserved voxel is dismissed (occluded)."""
 
 
 class VoxelMap:
     """Log-odds occupancy over a box of cubic voxels, indexed by `floor(p / size_m)` (half-open cells).
 
     `states[i, j, k]` is the voxel with global index `origin_index + (i, j, k)`. With a `region` the box is
-    fixed to it; without, it grows as observations leave it (`origin_index` and the shape then change).
+    fixed to it (widened to whole voxels); without, it grows as observations leave it (`origin_index` and
+    the shape then change).
 
     *Missing* voxels: unobserved, with a free face-neighbour, looked at in vain fewer than `max_attempts`
     times, in 26-connected clusters of at least `min_missing_cluster`. Only these keep a mission alive:
     the insides of walls and furniture never have a free neighbour, or are dismissed.
+
+    A frame *looks in vain* at an unobserved voxel with a free face-neighbour when the voxel's centre lies in
+    the image and within range, every voxel between the camera and it is free, and yet the depth measured at
+    its pixel ends before it: the map's resolution hides what blocks the view, and looking again will not
+    help. Pixels without a return, and rays that merely fell between the sampled pixels, do not count.
     """
 
     config: VoxelConfig
@@ -51,32 +68,165 @@ class VoxelMap:
     """`VoxelState` of each voxel."""
     log_odds: Float32[ndarray, "nx ny nz"]
     attempts: UInt8[ndarray, "nx ny nz"]
-    """Clear lines of sight that ended without an observation."""
+    """Looks in vain at each voxel (saturates at 255)."""
 
-    def __init__(self, config: VoxelConfig, *, region: Box | None = None) -> None: ...
+    def __init__(self, config: VoxelConfig, *, region: Box | None = None) -> None:
+        self.config = config
+        self.version = 0
+        self._fixed = region is not None
+        self._missing: Bool[ndarray, "nx ny nz"] | None = None
+        self._missing_version = -1
+        if region is None:
+            self._allocate(np.zeros(3, np.int64), np.zeros(3, np.int64))
+        else:
+            # Bounds given in decimals (1.2 m at 0.1 m) shall not gain a layer through rounding.
+            lower = np.floor(region.lower_m / config.size_m + 1e-6).astype(np.int64)
+            upper = np.ceil(region.upper_m / config.size_m - 1e-6).astype(np.int64)
+            self._allocate(lower, np.maximum(upper, lower + 1))
 
     def integrate_frame(self, frame: Frame, *, range_m: float) -> None:
         """Rays to measured depth carve free space and mark their ends; +inf carves to `range_m` (z-depth);
         0 does nothing. Each voxel is updated at most once a frame; a hit beats a pass."""
+        self._integrate(frame_rays(frame, range_m=range_m, pixel_stride=self.config.pixel_stride))
+        camera = frame.intrinsics
+        kernels.count_attempts(
+            self.states,
+            self.attempts,
+            np.ascontiguousarray(frame.T_world_camera.rotation, np.float64),
+            self._cells(frame.T_world_camera.translation),
+            camera.fx,
+            camera.fy,
+            camera.cx,
+            camera.cy,
+            np.ascontiguousarray(frame.depth_m),
+            range_m,
+            self.config.size_m,
+            float(self.config.pixel_stride),
+        )
+        self.version += 1
 
-    def integrate_scan(self, scan: Scan, *, range_m: float) -> None: ...
+    def integrate_scan(self, scan: Scan, *, range_m: float) -> None:
+        """As `integrate_frame`, for the rays of a planar scan (`range_m` along the ray; no looks in vain)."""
+        self._integrate(scan_rays(scan, range_m=range_m))
+        self.version += 1
 
     def missing(self) -> Bool[ndarray, "nx ny nz"]:
         """The missing voxels (cached by `version`)."""
+        if self._missing is None or self._missing_version != self.version:
+            self._missing = np.empty(self.states.shape, bool)
+            kernels.missing_voxels(
+                self.states,
+                self.attempts,
+                self.config.max_attempts,
+                self.config.min_missing_cluster,
+                self._missing,
+            )
+            self._missing_version = self.version
+        return self._missing
 
     def lower_m(self) -> Float[ndarray, " 3"]:
         """World position of the low corner of `states[0, 0, 0]`."""
+        lower: Float[ndarray, " 3"] = self.origin_index * self.config.size_m
+        return lower
 
     def index_of(self, points_m: Float[ndarray, "n 3"]) -> tuple[Int[ndarray, "n 3"], Bool[ndarray, " n"]]:
         """Array indices of points, and which lie inside."""
+        indices = np.floor(points_m / self.config.size_m).astype(np.int64) - self.origin_index
+        inside: Bool[ndarray, " n"] = np.all((indices >= 0) & (indices < self.states.shape), axis=1)
+        return indices, inside
 
-    def centres_m(self, indices: Int[ndarray, "n 3"]) -> Float[ndarray, "n 3"]: ...
+    def centres_m(self, indices: Int[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """World positions of the centres of voxels given by array indices."""
+        centres: Float[ndarray, "n 3"] = (indices + self.origin_index + 0.5) * self.config.size_m
+        return centres
 
     def observed_share(self, box: Box) -> float:
         """lambda_o of HGS-Planner Eq. 10: observed voxels over observed + missing voxels in the box's
-        intersection with the map. (Never-visible insides are left out; 0 when nothing is observed.)"""
+        intersection with the map. (Never-visible insides are left out; 0 when nothing is observed.)
 
-    def state(self) -> dict[str, Any]: ...
+        A voxel belongs to the box when its centre does.
+        """
+        size = self.config.size_m
+        first = np.ceil(box.lower_m / size - 0.5).astype(np.int64) - self.origin_index
+        last = np.ceil(box.upper_m / size - 0.5).astype(np.int64) - self.origin_index
+        inside = tuple(slice(max(int(a), 0), max(int(b), 0)) for a, b in zip(first, last, strict=True))
+        observed = int(np.count_nonzero(self.states[inside]))
+        missing = int(np.count_nonzero(self.missing()[inside]))
+        return observed / (observed + missing) if observed else 0.0
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to go on: plain arrays and numbers."""
+        return {
+            "config": self.config.model_dump(),
+            "fixed": self._fixed,
+            "version": self.version,
+            "origin_index": self.origin_index.copy(),
+            "states": self.states.copy(),
+            "log_odds": self.log_odds.copy(),
+            "attempts": self.attempts.copy(),
+        }
 
     @staticmethod
-    def restore(state: dict[str, Any]) -> VoxelMap: ...
+    def restore(state: dict[str, Any]) -> VoxelMap:
+        restored = VoxelMap(VoxelConfig(**state["config"]))
+        restored._fixed = state["fixed"]
+        restored.version = state["version"]
+        for name in ("origin_index", "states", "log_odds", "attempts"):
+            setattr(restored, name, state[name].copy())
+        return restored
+
+    def _cells(self, points_m: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
+        """Points in the kernels' coordinates: cells of the arrays."""
+        cells: Float[ndarray, "*n 3"] = np.ascontiguousarray(
+            points_m / self.config.size_m - self.origin_index
+        )
+        return cells
+
+    def _integrate(self, rays: RayEnds) -> None:
+        if not self._fixed:
+            self._grow(rays)
+        kernels.integrate_rays(
+            self.states,
+            self.log_odds,
+            self._cells(rays.origin_m),
+            self._cells(rays.ends_m),
+            rays.is_hit,
+            self.config.log_odds_hit,
+            self.config.log_odds_miss,
+            *self.config.log_odds_limits,
+        )
+
+    def _allocate(self, lower: Int[ndarray, " 3"], upper: Int[ndarray, " 3"]) -> None:
+        shape = tuple(int(n) for n in upper - lower)
+        if np.prod(upper - lower, dtype=float) > MAX_VOXELS:
+            raise MapError(
+                f"a voxel map of {shape} voxels of {self.config.size_m} m exceeds {MAX_VOXELS}: "
+                "check the poses, give a region, or use larger voxels"
+            )
+        self.origin_index = lower
+        self.states = np.zeros(shape, np.uint8)
+        self.log_odds = np.zeros(shape, np.float32)
+        self.attempts = np.zeros(shape, np.uint8)
+
+    def _grow(self, rays: RayEnds) -> None:
+        """Make room for the rays; what is known moves along."""
+        points = np.vstack([rays.origin_m, rays.ends_m])
+        lowest = np.floor(points.min(axis=0) / self.config.size_m).astype(np.int64)
+        highest = np.floor(points.max(axis=0) / self.config.size_m).astype(np.int64) + 1
+        old_lower = self.origin_index
+        old_upper = old_lower + self.states.shape
+        if self.states.size == 0:
+            old_lower, old_upper = lowest, highest
+        elif np.all(lowest >= old_lower) and np.all(highest <= old_upper):
+            return
+        lower = np.minimum(old_lower, lowest // GROWTH_STEP * GROWTH_STEP)
+        upper = np.maximum(old_upper, -(-highest // GROWTH_STEP) * GROWTH_STEP)
+        kept = {name: getattr(self, name) for name in ("states", "log_odds", "attempts")}
+        self._allocate(lower, upper)
+        if kept["states"].size == 0:
+            return
+        place = tuple(
+            slice(int(a), int(b)) for a, b in zip(old_lower - lower, old_upper - lower, strict=True)
+        )
+        for name, array in kept.items():
+            getattr(self, name)[place] = array
