@@ -1,0 +1,93 @@
+"""What a mission is made of: one preset, resolved."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import yaml
+from pydantic import Field, ValidationError
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.config.presets import load_preset
+from hgs_core.errors import ConfigError
+from hgs_core.gain.viewpoint import GainConfig
+from hgs_core.mapping.config import MappingConfig
+from hgs_core.planning.config import PlannerConfig
+from hgs_core.robot.robot import RobotConfig
+from hgs_core.sensing.config import DepthCameraConfig, ScannerConfig
+from hgs_core.voxels.voxel_map import VoxelConfig
+
+_SHARED_PRESETS: Final = {
+    "camera": "sensor",
+    "scanner": "sensor",
+    "robot": "robot",
+    "planner": "planner",
+}
+"""Sections that may name a preset of their own (`robot: wheeled`), and the folder under `configs/`."""
+
+
+class MissionLimits(StrictConfig):
+    """When a mission ends although there is more to see, and what thinking costs."""
+
+    max_time_s: float = Field(3600.0, gt=0)
+    """Simulated seconds after which the mission ends with `time_limit`."""
+    planning_time_s: float = Field(0.1, ge=0)
+    """Simulated seconds that one planning cycle costs; the robot stands meanwhile."""
+    stuck_after_plans: int = Field(25, ge=2)
+    """So many plans in a row without moving or turning end the mission with `stuck`."""
+
+
+class MissionConfig(StrictConfig):
+    """Everything that decides a mission except scene and seed."""
+
+    description: str
+    """One sentence for whoever chooses a preset."""
+    camera: DepthCameraConfig = DepthCameraConfig()
+    scanner: ScannerConfig = ScannerConfig()
+    robot: RobotConfig = RobotConfig()
+    voxels: VoxelConfig = VoxelConfig()
+    mapping: MappingConfig = MappingConfig()
+    gain: GainConfig = GainConfig()
+    planner: PlannerConfig = PlannerConfig()
+    limits: MissionLimits = MissionLimits()
+    threads: int = Field(2, ge=1)
+    """Threads of every kernel; part of what makes a run repeatable."""
+    evaluate: bool = True
+    """Compare the finished map with the true surface (simulated scenes only; takes up to a minute)."""
+
+
+def resolve_mission_config(preset: str, overrides: dict[str, str]) -> MissionConfig:
+    """The mission preset with `key.sub=value` overrides applied.
+
+    Raises `ConfigError` naming the field, its value and what is allowed.
+    """
+    content = load_preset("mission", preset)
+    for section, subject in _SHARED_PRESETS.items():
+        named = content.get(section)
+        if isinstance(named, str):
+            content[section] = load_preset(subject, named)
+    for key, text in overrides.items():
+        _override(content, key, text)
+    return mission_config_from(content, source=f"mission preset {preset!r}")
+
+
+def mission_config_from(content: dict[str, Any], *, source: str) -> MissionConfig:
+    try:
+        return MissionConfig.model_validate(content)
+    except ValidationError as error:
+        lines = [
+            f"{'.'.join(map(str, e['loc'])) or '(top level)'} = {e['input']!r}: {e['msg']}"
+            for e in error.errors()
+        ]
+        raise ConfigError(f"{source} is not valid: " + "; ".join(lines)) from error
+
+
+def _override(content: dict[str, Any], key: str, text: str) -> None:
+    *sections, field = key.split(".")
+    target = content
+    for section in sections:
+        child = target.setdefault(section, {})
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {key}={text}: {section!r} is a value, not a section")
+        target = child
+    target[field] = yaml.safe_load(text)

@@ -1,0 +1,308 @@
+"""The loop: sense, map, plan, move."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32
+from numpy import ndarray
+
+from hgs_core.gaussians.render import render
+from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.mapper import IntegrationReport, Mapper
+from hgs_core.mission.config import MissionLimits
+from hgs_core.mission.events import (
+    Command,
+    CommandSource,
+    MissionEnded,
+    MissionObserver,
+    MissionPhase,
+    MissionView,
+    PhaseChanged,
+    PlanMade,
+    StopReason,
+    Telemetry,
+    rgb_to_uint8,
+)
+from hgs_core.planning.plan import NothingLeft, Plan, Planner, PlanningTimes, UnseenRegion
+from hgs_core.robot.path import Path
+from hgs_core.robot.robot import Robot
+from hgs_core.sensing.frame import Frame
+from hgs_core.sensing.sensor import Scanner, Sensor
+from hgs_core.voxels.voxel_map import VoxelState
+
+_PAUSE_POLL_S = 0.05
+
+
+@dataclass(kw_only=True)
+class MissionRecord:
+    """What a mission did, for its report."""
+
+    timestamps_s: list[float] = field(default_factory=list)
+    poses: list[SE3] = field(default_factory=list)
+    sensing_s: list[float] = field(default_factory=list)
+    """Wall seconds of delivering each frame and scan: the simulator's, under the lockstep clock."""
+    mapping_s: list[float] = field(default_factory=list)
+    planning: list[PlanningTimes] = field(default_factory=list)
+    stop_reason: StopReason | None = None
+    message: str = ""
+    unseen: tuple[UnseenRegion, ...] = ()
+
+
+class Mission:
+    """Drives one robot until nothing worth seeing is left.
+
+    The loop is the same whether `robot`, `sensor` and `scanner` are simulated or real; the planner sees the
+    maps and the robot's state, never what lies behind the sensors.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: Robot,
+        sensor: Sensor,
+        scanner: Scanner,
+        mapper: Mapper,
+        planner: Planner,
+        planner_rng: np.random.Generator,
+        limits: MissionLimits,
+        frame_interval_s: float,
+        observer: MissionObserver,
+        commands: CommandSource,
+    ) -> None:
+        self.record = MissionRecord()
+        self._robot = robot
+        self._sensor = sensor
+        self._scanner = scanner
+        self._mapper = mapper
+        self._planner = planner
+        self._planner_rng = planner_rng
+        self._limits = limits
+        self._frame_interval_s = frame_interval_s
+        self._observer = observer
+        self._commands = commands
+        self._plan: Plan | None = None
+        self._stop_requested = False
+        self._pause_requested = False
+        self._idle_plans = 0
+        self._missing_volume_m3 = 0.0
+        self._pose_at_plan = (np.inf, np.inf, np.inf)
+        self._began_s = time.perf_counter()
+
+    def run(self) -> MissionRecord:
+        """Explore until done. Returns the record; raises only `HgsError`s of the parts."""
+        self._announce(MissionPhase.RUNNING, "looking around")
+        self._robot.follow(self._first_look())
+        while self.record.stop_reason is None:
+            self.step()
+        self._observer.on_event(
+            MissionEnded(
+                time_s=self._time_s, stop_reason=self.record.stop_reason, message=self.record.message
+            )
+        )
+        return self.record
+
+    def step(self) -> None:
+        """One frame: sense, map, plan, move."""
+        frame = self._sense()
+        report = self._map(frame)
+        self._report_progress(frame, report)
+        self._obey_commands()
+        if self._should_end():
+            return
+        self._plan_if_needed()
+        if self.record.stop_reason is None:
+            self._robot.advance(self._frame_interval_s)
+
+    def state(self) -> dict[str, Any]:
+        """The planner's and mapper's state; robot, sensors and clock save their own."""
+        return {
+            "mapper": self._mapper.state(),
+            "planner": self._planner.state(),
+            "planner_rng": self._planner_rng.bit_generator.state,
+            "trajectory": [pose.as_matrix() for pose in self.record.poses],
+            "timestamps_s": list(self.record.timestamps_s),
+        }
+
+    @property
+    def _time_s(self) -> float:
+        return self._robot.state.timestamp_s
+
+    def _first_look(self) -> Path:
+        """A full turn on the spot: a level camera knows nothing of what is behind it."""
+        state = self._robot.state
+        turns = state.yaw_rad + np.radians([120.0, 240.0, 360.0])
+        here = np.tile([state.x_m, state.y_m], (len(turns), 1))
+        return Path(positions_m=here, yaws_rad=turns)
+
+    def _sense(self) -> Frame:
+        began = time.perf_counter()
+        scan, frame = self._scanner.scan(), self._sensor.capture()
+        self.record.sensing_s.append(time.perf_counter() - began)
+        self._mapper.integrate_scan(scan)
+        return frame
+
+    def _map(self, frame: Frame) -> IntegrationReport:
+        began = time.perf_counter()
+        report = self._mapper.integrate(frame, interrupted=self._stop_pending)
+        self.record.mapping_s.append(time.perf_counter() - began)
+        self.record.poses.append(frame.T_world_camera)
+        self.record.timestamps_s.append(frame.timestamp_s)
+        return report
+
+    def _plan_if_needed(self) -> None:
+        reason = self._why_plan()
+        if reason is None:
+            return
+        self._robot.stop()
+        answer = self._planner.plan(self._mapper.snapshot(), self._robot.state, self._planner_rng)
+        self.record.planning.append(answer.times)
+        self._missing_volume_m3 = self._missing_volume()
+        if isinstance(answer, NothingLeft):
+            self._end(StopReason.COMPLETE, answer.reason, answer.unseen)
+            return
+        self._note_progress()
+        self._plan = answer
+        self._robot.advance(self._limits.planning_time_s)
+        self._robot.follow(answer.path)
+        self._report_plan(answer, reason)
+
+    def _why_plan(self) -> str | None:
+        if self._plan is None:
+            return "first look finished" if self._robot.arrived else None
+        if self._robot.arrived:
+            return "arrived"
+        passed = self._robot.waypoints_passed
+        if np.isfinite(self._plan.path.yaws_rad[:passed]).any():
+            return "viewpoint taken"
+        return self._planner.should_replan(self._mapper.snapshot(), self._robot.state, self._plan, passed)
+
+    def _should_end(self) -> bool:
+        if self._stop_requested:
+            self._end(StopReason.INTERRUPTED, "stopped by command", self._unseen())
+        elif self._time_s >= self._limits.max_time_s:
+            limit = f"time limit of {self._limits.max_time_s:.0f} s reached"
+            self._end(StopReason.TIME_LIMIT, limit, self._unseen())
+        elif self._idle_plans >= self._limits.stuck_after_plans:
+            stuck = f"{self._idle_plans} plans in a row without moving"
+            self._end(StopReason.STUCK, stuck, self._unseen())
+        return self.record.stop_reason is not None
+
+    def _end(self, reason: StopReason, message: str, unseen: tuple[UnseenRegion, ...]) -> None:
+        self._robot.stop()
+        self.record.stop_reason = reason
+        self.record.message = message
+        self.record.unseen = unseen
+
+    def _unseen(self) -> tuple[UnseenRegion, ...]:
+        return self._planner.unseen(self._mapper.snapshot(), self._robot.state)
+
+    def _note_progress(self) -> None:
+        state = self._robot.state
+        x, y, yaw = self._pose_at_plan
+        turned = abs((state.yaw_rad - yaw + np.pi) % (2 * np.pi) - np.pi) if np.isfinite(yaw) else np.inf
+        moved = np.hypot(state.x_m - x, state.y_m - y)
+        self._idle_plans = self._idle_plans + 1 if moved < 0.05 and turned < np.radians(5) else 0
+        self._pose_at_plan = (state.x_m, state.y_m, state.yaw_rad)
+
+    def _stop_pending(self) -> bool:
+        """Polled between iterations: a STOP never waits for a frame. A pause waits for the frame's end."""
+        self._take_commands()
+        return self._stop_requested
+
+    def _obey_commands(self) -> None:
+        self._take_commands()
+        if not self._pause_requested or self._stop_requested:
+            return
+        self._announce(MissionPhase.PAUSED, "paused by command")
+        while self._pause_requested and not self._stop_requested:
+            time.sleep(_PAUSE_POLL_S)
+            self._take_commands()
+        if not self._stop_requested:
+            self._announce(MissionPhase.RUNNING, "resumed by command")
+
+    def _take_commands(self) -> None:
+        while (command := self._commands.poll()) is not None:
+            self._stop_requested |= command is Command.STOP
+            self._pause_requested = command is Command.PAUSE
+
+    def _announce(self, phase: MissionPhase, reason: str) -> None:
+        self._observer.on_event(PhaseChanged(time_s=self._time_s, phase=phase, reason=reason))
+
+    def _missing_volume(self) -> float:
+        voxels = self._mapper.voxels
+        return float(voxels.missing().sum()) * voxels.config.size_m**3
+
+    def _report_progress(self, frame: Frame, report: IntegrationReport) -> None:
+        state, voxels = self._robot.state, self._mapper.voxels
+        observed = int(np.count_nonzero(voxels.states != VoxelState.UNOBSERVED))
+        self._observer.on_event(
+            Telemetry(
+                time_s=state.timestamp_s,
+                frame=frame.sequence,
+                x_m=state.x_m,
+                y_m=state.y_m,
+                yaw_rad=state.yaw_rad,
+                path_length_m=state.path_length_m,
+                collisions=state.collisions,
+                n_gaussians=self._mapper.gaussians.size,
+                n_keyframes=len(self._mapper.keyframes),
+                observed_volume_m3=observed * voxels.config.size_m**3,
+                missing_volume_m3=self._missing_volume_m3,
+                psnr_current_db=report.psnr_predicted_db,
+                mapping_s=self.record.mapping_s[-1],
+                wall_s=time.perf_counter() - self._began_s,
+            )
+        )
+        if self._observer.wants_view():
+            self._observer.on_view(self._view(frame))
+
+    def _view(self, frame: Frame) -> MissionView:
+        half = frame.intrinsics.scaled(0.5)
+        rendered = render(self._mapper.gaussians, half, frame.T_world_camera)
+        return MissionView(
+            time_s=self._time_s,
+            snapshot=self._mapper.snapshot(),
+            robot=self._robot.state,
+            plan=self._plan,
+            frame=frame,
+            trajectory_m=self._trajectory(),
+            rendered_rgb=rgb_to_uint8(rendered.colour),
+            rendered_depth_m=rendered.depth_m,
+        )
+
+    def _trajectory(self) -> Float32[ndarray, "n 3"]:
+        return np.array([pose.translation for pose in self.record.poses], np.float32).reshape(-1, 3)
+
+    def _report_plan(self, plan: Plan, why: str) -> None:
+        selected = [c for c in plan.candidates if c.status == "selected"]
+        self._observer.on_event(
+            PlanMade(
+                time_s=self._time_s,
+                reason=f"{why}: {plan.reason}",
+                n_candidates=len(plan.candidates),
+                n_selected=len(selected),
+                n_reconstructing=sum(s.state == "reconstructing" for s in plan.subspaces),
+                path_length_m=plan.path.length_m,
+                observed_share=plan.observed_share,
+                planning_s=plan.times.total_s,
+                candidates=tuple(_candidate_json(c) for c in plan.candidates),
+            )
+        )
+
+
+def _candidate_json(candidate: Any) -> dict[str, Any]:
+    return {
+        "x_m": round(candidate.x_m, 3),
+        "y_m": round(candidate.y_m, 3),
+        "yaw_rad": round(candidate.yaw_rad, 4),
+        "coverage": round(candidate.coverage_gain, 5),
+        "quality": round(candidate.quality_gain, 5),
+        "total": round(candidate.total_gain, 5),
+        "status": str(candidate.status),
+    }
+
+

@@ -1,0 +1,222 @@
+"""`run_mission`: from a request to a finished folder."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from hgs_core.errors import HgsError
+from hgs_core.evaluation.mission import evaluate_mission
+from hgs_core.evaluation.report import MissionReport, PlanningCycle, Region, UnseenEntry
+from hgs_core.evaluation.result import EvaluationResult
+from hgs_core.evaluation.trajectory import Trajectory, write_trajectory
+from hgs_core.gaussians.ply import write_ply
+from hgs_core.geometry.se3 import SE3
+from hgs_core.mission.build import MissionParts, build_mission
+from hgs_core.mission.config import MissionConfig, resolve_mission_config
+from hgs_core.mission.events import (
+    Command,
+    CommandSource,
+    MissionObserver,
+    MissionPhase,
+    Notice,
+    PhaseChanged,
+    StopReason,
+)
+from hgs_core.mission.folder import EventLog, RunFolder
+from hgs_core.mission.mission import MissionRecord
+from hgs_core.mission.versions import software_versions
+from hgs_core.native import kernels
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionRequest:
+    """What to run, and where to leave the results."""
+
+    scene: str
+    """`house`, `house:SEED`, or a mesh file."""
+    preset: str
+    seed: int
+    out: Path
+    max_time_s: float | None
+    """Simulated seconds; None = the preset's limit."""
+    overrides: dict[str, str]
+    """`section.key` -> YAML text, applied on top of the preset."""
+
+
+def run_mission(
+    request: MissionRequest, *, observer: MissionObserver, commands: CommandSource
+) -> MissionReport:
+    """Run one mission and write its folder. Blocks until it has ended and been evaluated.
+
+    An interrupted mission leaves a complete folder, without the quality figures that only an evaluation
+    can give (`hgs evaluate` adds them). Raises `ConfigError` or `SceneError` before anything is written;
+    a later `HgsError` ends the mission with `failed`.
+    """
+    config = _resolved(request)
+    kernels.set_threads(config.threads)
+    folder = RunFolder(request.out)
+    log = EventLog(folder.partial / "events.jsonl", observer)
+    try:
+        log.on_event(
+            PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason=f"opening scene {request.scene}")
+        )
+        with _discarding(folder):
+            parts = build_mission(
+                config, request.scene, request.seed, folder.keyframes, observer=log, commands=commands
+            )
+        for message in parts.scene.notices:
+            log.on_event(Notice(time_s=0.0, level="warning", message=message))
+        began = time.perf_counter()
+        record = _run(parts)
+        report = _report(request, config, parts, record, wall_s=time.perf_counter() - began)
+        if config.evaluate and record.stop_reason is not StopReason.INTERRUPTED and record.poses:
+            report = report.with_evaluation(_evaluate(config, parts, record, log))
+        _write(folder.partial, request, config, parts, record, report)
+        log.on_event(
+            PhaseChanged(
+                time_s=parts.robot.state.timestamp_s, phase=MissionPhase.ENDED, reason=record.message
+            )
+        )
+    finally:
+        log.close()
+    folder.complete()
+    return report
+
+
+def _resolved(request: MissionRequest) -> MissionConfig:
+    overrides = dict(request.overrides)
+    if request.max_time_s is not None:
+        overrides["limits.max_time_s"] = repr(request.max_time_s)
+    return resolve_mission_config(request.preset, overrides)
+
+
+@contextmanager
+def _discarding(folder: RunFolder) -> Iterator[None]:
+    """A mission that cannot begin leaves nothing behind."""
+    try:
+        yield
+    except HgsError:
+        folder.discard()
+        raise
+
+
+def _run(parts: MissionParts) -> MissionRecord:
+    try:
+        return parts.mission.run()
+    except HgsError as error:
+        record = parts.mission.record
+        record.stop_reason = StopReason.FAILED
+        record.message = f"{type(error).__name__}: {error}"
+        return record
+
+
+def _evaluate(
+    config: MissionConfig, parts: MissionParts, record: MissionRecord, log: EventLog
+) -> EvaluationResult:
+    time_s = parts.robot.state.timestamp_s
+
+    def progress(message: str) -> None:
+        log.on_event(PhaseChanged(time_s=time_s, phase=MissionPhase.EVALUATING, reason=message))
+
+    progress("comparing the map with the true surface")
+    return evaluate_mission(
+        scene=parts.scene,
+        caster=parts.caster,
+        start_xy=(parts.start.x_m, parts.start.y_m),
+        gaussians=parts.mapper.gaussians,
+        training_poses=_batched(record.poses),
+        intrinsics=config.camera.intrinsics(),
+        camera_height_m=config.camera.mount_height_m,
+        range_m=config.camera.range_m,
+        robot_radius_m=config.robot.radius_m,
+        robot_height_m=config.robot.height_m,
+        progress=progress,
+    )
+
+
+def _batched(poses: list[SE3]) -> SE3:
+    return SE3(
+        rotation=np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3),
+        translation=np.array([pose.translation for pose in poses]).reshape(-1, 3),
+    )
+
+
+def _report(
+    request: MissionRequest, config: MissionConfig, parts: MissionParts, record: MissionRecord, *, wall_s: float
+) -> MissionReport:
+    state = parts.robot.state
+    return MissionReport.compose(
+        scene=parts.scene.name,
+        seed=request.seed,
+        planner=request.preset,
+        stop_reason=str(record.stop_reason),
+        stop_message=record.message,
+        wall_s=wall_s,
+        sim_time_s=state.timestamp_s,
+        path_length_m=state.path_length_m,
+        frames=len(record.poses),
+        keyframes=len(parts.mapper.keyframes),
+        n_gaussians=parts.mapper.gaussians.size,
+        peak_rss_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        planning_cycles=[
+            PlanningCycle(
+                viewpoint_evaluation_s=times.viewpoint_evaluation_s,
+                local_s=times.local_s,
+                global_s=times.global_s,
+            )
+            for times in record.planning
+        ],
+        mapping_s=record.mapping_s,
+        simulation_wall_s=sum(record.sensing_s),
+        collisions=state.collisions,
+        unseen=[
+            UnseenEntry(
+                region=Region(lower_m=region.lower_m, upper_m=region.upper_m),
+                volume_m3=region.volume_m3,
+                reason=str(region.reason),
+            )
+            for region in record.unseen
+        ],
+        versions=software_versions(),
+        kernel_variant=kernels.variant(),
+        threads=config.threads,
+        evaluation=None,
+    )
+
+
+def _write(
+    folder: Path,
+    request: MissionRequest,
+    config: MissionConfig,
+    parts: MissionParts,
+    record: MissionRecord,
+    report: MissionReport,
+) -> None:
+    write_ply(parts.mapper.gaussians, folder / "map.ply")
+    trajectory = Trajectory(timestamps_s=np.array(record.timestamps_s), poses=_batched(record.poses))
+    write_trajectory(trajectory, folder / "trajectory.txt")
+    content = {
+        "scene": request.scene,
+        "preset": request.preset,
+        "seed": request.seed,
+        "start": {"x_m": parts.start.x_m, "y_m": parts.start.y_m, "yaw_rad": parts.start.yaw_rad},
+        "versions": software_versions(),
+        "mission": config.model_dump(mode="json"),
+    }
+    (folder / "config.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    report.write(folder / "report.json")
+
+
+class NoCommands:
+    """A `CommandSource` without an operator."""
+
+    def poll(self) -> Command | None:
+        return None

@@ -1,0 +1,88 @@
+"""Averaging depth into centres: the kernel against a plain loop."""
+
+import numpy as np
+
+from hgs_core.gaussians.gaussian_map import BLOCK, GaussianMap
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.geometry.se3 import SE3
+from hgs_core.native import kernels
+
+CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
+POSE = level_camera_pose(0.3, -0.2, 1.0, 0.4)
+GATE_M, SLOPE, MOST = 0.04, 0.008, 40
+
+
+def gaussians_near_a_wall(rng: np.random.Generator, n: int) -> GaussianMap:
+    """Centres around the plane z = 2 m of the camera, some far from it, some behind the camera."""
+    x = rng.uniform(-3, 3, n)
+    y = rng.uniform(-2, 2, n)
+    z = 2.0 + rng.normal(0, 0.05, n)
+    z[: n // 10] = -1.0
+    parameters = np.zeros((n, 8), np.float32)
+    parameters[:, :3] = POSE.apply(np.stack([x, y, z], axis=1))
+    parameters[:, 6] = np.log(rng.uniform(0.005, 0.2, n))
+    gaussians = GaussianMap()
+    gaussians.append(parameters, anchor_keyframe=0)
+    gaussians.n_depth_observations[:n] = rng.integers(1, 60, n)
+    return gaussians
+
+
+def fuse(gaussians: GaussianMap, depth: np.ndarray, pose: SE3) -> np.ndarray:
+    size = gaussians.size
+    return kernels.fuse_centres(
+        gaussians.parameters[:size],
+        gaussians.n_depth_observations[:size],
+        gaussians.block_bounds,
+        BLOCK,
+        depth.astype(np.float32),
+        CAMERA.fx,
+        CAMERA.fy,
+        CAMERA.cx,
+        CAMERA.cy,
+        pose.rotation.astype(np.float32),
+        pose.translation.astype(np.float32),
+        gate_m=GATE_M,
+        gate_slope=SLOPE,
+        max_count=MOST,
+        coarse_px=2.0,
+        coarse_m=0.02,
+    )
+
+
+def naive(parameters: np.ndarray, counts: np.ndarray, wall_m: float) -> tuple[np.ndarray, list[int]]:
+    """One Gaussian at a time against a wall of constant depth."""
+    moved, coarse = parameters.copy(), []
+    camera_points = POSE.inverse().apply(parameters[:, :3].astype(float))
+    for i, (x, y, z) in enumerate(camera_points):
+        if z < 0.1 or abs(wall_m - z) > GATE_M + SLOPE * z:
+            continue
+        u, v = CAMERA.fx * x / z + CAMERA.cx - 0.5, CAMERA.fy * y / z + CAMERA.cy - 0.5
+        if not (0 <= u < CAMERA.width - 1 and 0 <= v < CAMERA.height - 1):
+            continue
+        fused = z + (wall_m - z) / (min(counts[i], MOST) + 1)
+        moved[i, :3] = POSE.apply(np.array([[x, y, z]]) * fused / z)[0]
+        radius = np.exp(parameters[i, 6])
+        if CAMERA.fx * radius / z > 2.0 and radius > 0.02:
+            coarse.append(i)
+    return moved, coarse
+
+
+def test_centres_move_as_in_a_plain_loop() -> None:
+    gaussians = gaussians_near_a_wall(np.random.default_rng(1), 1000)
+    before = gaussians.parameters[:1000].copy()
+    counts = gaussians.n_depth_observations[:1000].copy()
+    expected, coarse = naive(before, counts, 2.0)
+    rows = fuse(gaussians, np.full((40, 60), 2.0), POSE)
+    np.testing.assert_allclose(gaussians.parameters[:1000], expected, atol=2e-6)
+    assert rows.tolist() == coarse
+    touched = np.any(expected != before, axis=1)
+    assert 100 < touched.sum() < 900
+    assert np.array_equal(gaussians.n_depth_observations[:1000] > counts, touched)
+
+
+def test_nothing_moves_without_a_measurement() -> None:
+    gaussians = gaussians_near_a_wall(np.random.default_rng(2), 500)
+    before = gaussians.parameters[:500].copy()
+    for empty in (0.0, np.inf):
+        assert len(fuse(gaussians, np.full((40, 60), empty), POSE)) == 0
+    np.testing.assert_array_equal(gaussians.parameters[:500], before)

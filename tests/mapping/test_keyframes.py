@@ -1,0 +1,54 @@
+"""Keyframes survive their trip to disk, and know which others show the same place."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
+
+CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
+
+
+def image_at(x_m: float, yaw_rad: float) -> TrainingImage:
+    rng = np.random.default_rng(0)
+    depth = rng.uniform(0.5, 4.9, (40, 60)).astype(np.float32)
+    depth[:3] = np.inf
+    depth[3:6] = 0.0
+    return TrainingImage(
+        rgb=rng.integers(0, 256, (40, 60, 3)).astype(np.uint8),
+        depth_m=depth,
+        intrinsics=CAMERA,
+        T_world_camera=level_camera_pose(x_m, 0, 1, yaw_rad),
+    )
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    store = KeyframeStore(tmp_path)
+    image = image_at(0.5, 0.3)
+    loaded = store.load(store.add(image))
+    np.testing.assert_array_equal(loaded.rgb, image.rgb)
+    np.testing.assert_allclose(loaded.depth_m, image.depth_m, atol=6e-5)
+    np.testing.assert_allclose(loaded.T_world_camera.as_matrix(), image.T_world_camera.as_matrix())
+
+
+def test_overlap_is_whole_with_itself_and_none_behind(tmp_path: Path) -> None:
+    store = KeyframeStore(tmp_path)
+    here = image_at(0.0, 0.0)
+    store.add(here)
+    store.add(image_at(0.0, np.pi))
+    overlap = store.overlap(here, range_m=5.0)
+    assert overlap[0] == 1.0
+    assert overlap[1] == 0.0
+
+
+def test_state_is_enough_to_go_on(tmp_path: Path) -> None:
+    store = KeyframeStore(tmp_path)
+    for x in (0.0, 0.5, 1.0):
+        store.add(image_at(x, 0.1))
+    restored = KeyframeStore.restore(tmp_path, store.state())
+    probe = image_at(0.2, 0.2)
+    np.testing.assert_array_equal(
+        restored.overlap(probe, range_m=5.0), store.overlap(probe, range_m=5.0)
+    )
+    np.testing.assert_array_equal(restored.load(2).rgb, store.load(2).rgb)
