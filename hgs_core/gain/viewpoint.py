@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float
 from numpy import ndarray
+from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.mapping.snapshot import MapSnapshot
-from pydantic import Field
 
 
 class CoverageMeasure(StrEnum):
-    """`volume`: m^3 newly visible, the same at every resolution; `paper`: Eq. 4, voxel volume summed over pixels."""
+    """`volume`: m^3 newly visible, the same at every resolution; `paper`: Eq. 4, summed over pixels."""
 
     VOLUME = "volume"
     PAPER = "paper"
@@ -61,6 +61,7 @@ class ViewGains:
     best_yaw_rad: Float[ndarray, " n"]
 
 
+@runtime_checkable
 class GainEvaluator(Protocol):
     """Scores viewpoints from the maps alone."""
 

@@ -249,5 +249,3 @@ def _predicted_psnr(image: TrainingImage, rendered: RenderedView) -> float:
         return float("nan")
     difference: Float[ndarray, "n 3"] = rendered.colour[covered] - image.rgb[covered] / np.float32(255.0)
     return float(-10.0 * np.log10(max(float(np.mean(np.square(difference))), 1e-10)))
-
-

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -121,6 +121,7 @@ class MissionView:
     rendered_depth_m: Float32[ndarray, "h w"]
 
 
+@runtime_checkable
 class MissionObserver(Protocol):
     """Receives what happens; must return quickly and never raises into the loop."""
 
@@ -139,6 +140,7 @@ class Command(StrEnum):
     STOP = "stop"
 
 
+@runtime_checkable
 class CommandSource(Protocol):
     """Operator commands, polled between iterations of the loop's steps."""
 

@@ -304,5 +304,3 @@ def _candidate_json(candidate: Any) -> dict[str, Any]:
         "total": round(candidate.total_gain, 5),
         "status": str(candidate.status),
     }
-
-

@@ -150,7 +150,12 @@ def _batched(poses: list[SE3]) -> SE3:
 
 
 def _report(
-    request: MissionRequest, config: MissionConfig, parts: MissionParts, record: MissionRecord, *, wall_s: float
+    request: MissionRequest,
+    config: MissionConfig,
+    parts: MissionParts,
+    record: MissionRecord,
+    *,
+    wall_s: float,
 ) -> MissionReport:
     state = parts.robot.state
     return MissionReport.compose(

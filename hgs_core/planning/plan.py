@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -124,16 +124,17 @@ class NothingLeft:
     reason: str
 
 
+@runtime_checkable
 class Planner(Protocol):
     """Decides where to look next from the maps and the robot's state alone."""
 
-    def plan(
-        self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator
-    ) -> Plan | NothingLeft:
+    def plan(self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator) -> Plan | NothingLeft:
         """One planning cycle."""
         ...
 
-    def should_replan(self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int) -> str | None:
+    def should_replan(
+        self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int
+    ) -> str | None:
         """Why the plan under way should be dropped (blocked, target already seen, ...), or None.
 
         Called after every integrated frame: cheap. A blocked path must always be reported.

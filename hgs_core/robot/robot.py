@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
+
+from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.robot.path import Path
-from pydantic import Field
 
 
 class RobotConfig(StrictConfig):
@@ -36,6 +37,7 @@ class RobotState:
     robot_id: str = "robot0"
 
 
+@runtime_checkable
 class Robot(Protocol):
     """A vehicle that follows one path at a time."""
 

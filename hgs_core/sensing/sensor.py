@@ -1,10 +1,11 @@
 """The seam between the loop and whatever delivers images: a simulator, a recording, a live robot."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from hgs_core.sensing.frame import Frame, Scan
 
 
+@runtime_checkable
 class Sensor(Protocol):
     """An RGB-D camera that rides on a robot."""
 
@@ -13,6 +14,7 @@ class Sensor(Protocol):
         ...
 
 
+@runtime_checkable
 class Scanner(Protocol):
     """A planar 360-degree safety scanner that rides on a robot."""
 

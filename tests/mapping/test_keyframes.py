@@ -48,7 +48,5 @@ def test_state_is_enough_to_go_on(tmp_path: Path) -> None:
         store.add(image_at(x, 0.1))
     restored = KeyframeStore.restore(tmp_path, store.state())
     probe = image_at(0.2, 0.2)
-    np.testing.assert_array_equal(
-        restored.overlap(probe, range_m=5.0), store.overlap(probe, range_m=5.0)
-    )
+    np.testing.assert_array_equal(restored.overlap(probe, range_m=5.0), store.overlap(probe, range_m=5.0))
     np.testing.assert_array_equal(restored.load(2).rgb, store.load(2).rgb)
