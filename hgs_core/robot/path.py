@@ -25,7 +25,8 @@ class Path:
     def __post_init__(self) -> None:
         if self.positions_m.shape != (len(self.yaws_rad), 2):
             raise RobotError(
-                f"path has positions {self.positions_m.shape} for {len(self.yaws_rad)} yaws; expected (n, 2) and (n,)"
+                f"path has positions {self.positions_m.shape} for {len(self.yaws_rad)} yaws; "
+                "expected (n, 2) and (n,)"
             )
 
     @staticmethod

@@ -37,7 +37,9 @@ class Frame:
                 f"do not match the camera's {size}"
             )
         if not bool(np.all(self.depth_m >= 0)):  # false for NaN, too
-            raise SensorError(f"frame {self.sequence}: depth holds negative or NaN values; use 0 for no return")
+            raise SensorError(
+                f"frame {self.sequence}: depth holds negative or NaN values; use 0 for no return"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

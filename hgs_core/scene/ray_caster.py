@@ -1,0 +1,120 @@
+"""`RayCaster`: what can be seen of a mesh from where (Embree through open3d; shading in C++)."""
+
+from __future__ import annotations
+
+import numpy as np
+import open3d as o3d
+from jaxtyping import Bool, Float, Float32, UInt8
+from numpy import ndarray
+
+import hgs_core.native.kernels as kernels
+from hgs_core.errors import SceneError
+from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.geometry.se3 import SE3
+from hgs_core.scene.appearance import Appearance
+from hgs_core.scene.textured_mesh import TexturedMesh
+
+BACKGROUND_RGB = np.array([200, 215, 230], dtype=np.uint8)
+"""Colour of rays that leave the world."""
+
+_VISIBLE_TOLERANCE_M = 2e-3
+
+
+class RayCaster:
+    """Rays against one mesh, which must not change. Results do not depend on the number of threads.
+
+    Raises `SceneError` for a mesh without triangles.
+    """
+
+    def __init__(self, mesh: TexturedMesh) -> None:
+        if len(mesh.triangles) == 0:
+            raise SceneError("cannot cast rays: the mesh has no triangles")
+        self.mesh = mesh
+        self._embree = o3d.t.geometry.RaycastingScene()
+        self._embree.add_triangles(
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices_m)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
+        )
+        self._appearance = Appearance.of(mesh)
+        self._camera_rays: dict[CameraIntrinsics, Float32[ndarray, "n 3"]] = {}
+
+    def render(
+        self, intrinsics: CameraIntrinsics, T_world_camera: SE3, range_m: float = np.inf
+    ) -> tuple[UInt8[ndarray, "height width 3"], Float32[ndarray, "height width"]]:
+        """Colours, and z-depths [m]: +inf beyond `range_m` (as z-depth) and where there is no surface.
+
+        Colours reach further than depth, as a camera does; rays that leave the world get `BACKGROUND_RGB`.
+        """
+        height, width = intrinsics.height, intrinsics.width
+        rays = np.empty((height * width, 6), dtype=np.float32)
+        rays[:, :3] = T_world_camera.translation
+        np.matmul(self._rays_of(intrinsics), T_world_camera.rotation.T.astype(np.float32), out=rays[:, 3:])
+        # Directions have z = 1 in the camera, so Embree's ray parameter is the z-depth.
+        hits = self._embree.cast_rays(o3d.core.Tensor.from_numpy(rays))
+        rgb = np.empty((height * width, 3), dtype=np.uint8)
+        depth = np.empty(height * width, dtype=np.float32)
+        look, pyramids = self._appearance, self._appearance.pyramids
+        kernels.shade(
+            hits["primitive_ids"].numpy(),
+            hits["primitive_uvs"].numpy(),
+            hits["t_hit"].numpy(),
+            rays,
+            look.uv,
+            look.normal,
+            look.tint,
+            look.texels_per_metre,
+            look.texture,
+            look.corner_rgb,
+            pyramids.texels,
+            pyramids.level_offset,
+            pyramids.level_width,
+            pyramids.level_height,
+            pyramids.level_first,
+            pyramids.level_count,
+            focal_px=(intrinsics.fx * intrinsics.fy) ** 0.5,
+            range_m=range_m,
+            background=BACKGROUND_RGB,
+            rgb=rgb,
+            depth_m=depth,
+        )
+        return rgb.reshape(height, width, 3), depth.reshape(height, width)
+
+    def cast(
+        self, origins: Float[ndarray, "*rays 3"], directions: Float[ndarray, "*rays 3"]
+    ) -> Float32[ndarray, "*rays"]:
+        """Distance to the first surface in units of `|direction|` (m for unit vectors); +inf for none."""
+        rays = np.concatenate(np.broadcast_arrays(origins, directions), axis=-1).astype(np.float32)
+        hits = self._embree.cast_rays(o3d.core.Tensor.from_numpy(rays.reshape(-1, 6)))
+        return hits["t_hit"].numpy().reshape(rays.shape[:-1])
+
+    def distance_to_surface(self, points: Float[ndarray, "*points 3"]) -> Float32[ndarray, "*points"]:
+        """Unsigned distance [m] from each point to the nearest triangle."""
+        query = np.ascontiguousarray(points, dtype=np.float32).reshape(-1, 3)
+        return (
+            self._embree.compute_distance(o3d.core.Tensor.from_numpy(query))
+            .numpy()
+            .reshape(points.shape[:-1])
+        )
+
+    def visible(
+        self, origins: Float[ndarray, "*#rays 3"], points: Float[ndarray, "*rays 3"]
+    ) -> Bool[ndarray, "*rays"]:
+        """Whether nothing stands between each origin and its point, the last 2 mm before the point aside.
+
+        A point on a surface is so seen from either side of its face; at a shallow angle the 2 mm keep the
+        surface from hiding its own point.
+        """
+        from_origin = np.asarray(points - origins, dtype=np.float64)
+        distance = np.linalg.norm(from_origin, axis=-1, keepdims=True)
+        shortened = from_origin * np.maximum(0.0, 1.0 - _VISIBLE_TOLERANCE_M / np.maximum(distance, 1e-9))
+        rays = np.concatenate(np.broadcast_arrays(origins, shortened), axis=-1).astype(np.float32)
+        occluded = self._embree.test_occlusions(
+            o3d.core.Tensor.from_numpy(rays.reshape(-1, 6)), tnear=0.0, tfar=1.0
+        )
+        free: Bool[ndarray, "*rays"] = ~occluded.numpy().reshape(rays.shape[:-1])
+        return free
+
+    def _rays_of(self, intrinsics: CameraIntrinsics) -> Float32[ndarray, "n 3"]:
+        if intrinsics not in self._camera_rays:
+            self._camera_rays[intrinsics] = intrinsics.rays().reshape(-1, 3).astype(np.float32)
+        return self._camera_rays[intrinsics]

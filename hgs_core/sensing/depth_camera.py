@@ -1,0 +1,49 @@
+"""The RGB-D camera: its settings and its depth noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float32
+from numpy import ndarray
+from pydantic import Field
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.geometry.camera import CameraIntrinsics
+
+_NEAREST_M = 1e-3
+
+
+class DepthCameraConfig(StrictConfig):
+    """An RGB-D camera that looks level, straight ahead, from above the robot's axis."""
+
+    width: int = Field(1200, ge=1)
+    """Image width [pixels]."""
+    height: int = Field(680, ge=1)
+    """Image height [pixels]."""
+    focal_px: float = Field(600.0, gt=0)
+    """Focal length [pixels]; the principal point is the image's centre."""
+    range_m: float = Field(5.0, gt=0)
+    """Farthest z-depth that is measured [m]; colours reach further."""
+    depth_noise_m: float = Field(0.02, ge=0)
+    """Half-width of the uniform error of each depth pixel [m], independent between pixels."""
+    mount_height_m: float = Field(1.0, gt=0)
+    """Height of the optical centre above the floor [m]."""
+    frame_interval_s: float = Field(0.4, gt=0)
+    """Time between frames [s]."""
+
+    def intrinsics(self) -> CameraIntrinsics:
+        return CameraIntrinsics.centred(self.width, self.height, self.focal_px)
+
+
+def with_uniform_noise(
+    distance_m: Float32[ndarray, "*shape"], half_width_m: float, rng: np.random.Generator
+) -> Float32[ndarray, "*shape"]:
+    """Measured distances: U(-half_width, +half_width) added to each finite one.
+
+    0 (no return) and +inf (nothing within range) stay what they are; nothing comes out below 1 mm, because 0
+    would mean something else. One number is drawn per entry whatever its value, so later draws do not depend
+    on the scene.
+    """
+    noise = (2.0 * half_width_m) * rng.random(distance_m.shape, dtype=np.float32) - half_width_m
+    noisy = np.maximum(distance_m + noise, _NEAREST_M, dtype=np.float32)
+    return np.where(distance_m > 0, noisy, np.float32(0.0))

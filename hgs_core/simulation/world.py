@@ -1,0 +1,59 @@
+"""`SimulatedWorld`: a scene with a robot in it that carries a camera and a scanner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hgs_core.robot.robot import RobotConfig
+from hgs_core.scene.obstacles import BodyObstacles
+from hgs_core.scene.scene import Scene
+from hgs_core.sensing.depth_camera import DepthCameraConfig
+from hgs_core.sensing.scanner import ScannerConfig
+from hgs_core.simulation.camera import SimulatedCamera
+from hgs_core.simulation.robot import SimulatedRobot
+from hgs_core.simulation.scanner import SimulatedScanner
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedWorld:
+    """Everything on the far side of the seams `Robot`, `Sensor` and `Scanner`."""
+
+    scene: Scene
+    robot: SimulatedRobot
+    camera: SimulatedCamera
+    scanner: SimulatedScanner
+
+    @staticmethod
+    def of(
+        scene: Scene,
+        *,
+        robot: RobotConfig,
+        camera: DepthCameraConfig,
+        scanner: ScannerConfig,
+        seeds: np.random.SeedSequence,
+    ) -> SimulatedWorld:
+        """The robot at the scene's start; camera and scanner noise draw from two children of `seeds`."""
+        camera_seed, scanner_seed = seeds.spawn(2)
+        vehicle = SimulatedRobot(robot, BodyObstacles(scene.mesh, robot.height_m), scene.start)
+        return SimulatedWorld(
+            scene=scene,
+            robot=vehicle,
+            camera=SimulatedCamera(scene.caster, vehicle, camera, np.random.default_rng(camera_seed)),
+            scanner=SimulatedScanner(scene.caster, vehicle, scanner, np.random.default_rng(scanner_seed)),
+        )
+
+    def state(self) -> dict[str, Any]:
+        """Robot, clock and random states; the scene is opened again from its name."""
+        return {
+            "robot": self.robot.snapshot(),
+            "camera": self.camera.state(),
+            "scanner": self.scanner.state(),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.robot.restore(state["robot"])
+        self.camera.restore(state["camera"])
+        self.scanner.restore(state["scanner"])
