@@ -14,16 +14,19 @@ from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.robot.robot import RobotConfig
-from hgs_core.sensing.config import DepthCameraConfig, ScannerConfig
+from hgs_core.sensing.depth_camera import DepthCameraConfig
+from hgs_core.sensing.scanner import ScannerConfig
 from hgs_core.voxels.voxel_map import VoxelConfig
 
-_SHARED_PRESETS: Final = {
-    "camera": "sensor",
-    "scanner": "sensor",
-    "robot": "robot",
-    "planner": "planner",
-}
-"""Sections that may name a preset of their own (`robot: wheeled`), and the folder under `configs/`."""
+_SHARED_PRESETS: Final = ("sensor", "robot", "planner")
+"""Sections that may name a preset of their own (`robot: wheeled` is `configs/robot/wheeled.yaml`)."""
+
+
+class SensorConfig(StrictConfig):
+    """What the robot carries."""
+
+    camera: DepthCameraConfig = DepthCameraConfig()
+    scanner: ScannerConfig = ScannerConfig()
 
 
 class MissionLimits(StrictConfig):
@@ -42,8 +45,7 @@ class MissionConfig(StrictConfig):
 
     description: str
     """One sentence for whoever chooses a preset."""
-    camera: DepthCameraConfig = DepthCameraConfig()
-    scanner: ScannerConfig = ScannerConfig()
+    sensor: SensorConfig = SensorConfig()
     robot: RobotConfig = RobotConfig()
     voxels: VoxelConfig = VoxelConfig()
     mapping: MappingConfig = MappingConfig()
@@ -62,10 +64,10 @@ def resolve_mission_config(preset: str, overrides: dict[str, str]) -> MissionCon
     Raises `ConfigError` naming the field, its value and what is allowed.
     """
     content = load_preset("mission", preset)
-    for section, subject in _SHARED_PRESETS.items():
+    for section in _SHARED_PRESETS:
         named = content.get(section)
         if isinstance(named, str):
-            content[section] = load_preset(subject, named)
+            content[section] = load_preset(section, named)
     for key, text in overrides.items():
         _override(content, key, text)
     return mission_config_from(content, source=f"mission preset {preset!r}")

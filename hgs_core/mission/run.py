@@ -82,7 +82,7 @@ def run_mission(
         _write(folder.partial, request, config, parts, record, report)
         log.on_event(
             PhaseChanged(
-                time_s=parts.robot.state.timestamp_s, phase=MissionPhase.ENDED, reason=record.message
+                time_s=parts.world.robot.state.timestamp_s, phase=MissionPhase.ENDED, reason=record.message
             )
         )
     finally:
@@ -121,7 +121,7 @@ def _run(parts: MissionParts) -> MissionRecord:
 def _evaluate(
     config: MissionConfig, parts: MissionParts, record: MissionRecord, log: EventLog
 ) -> EvaluationResult:
-    time_s = parts.robot.state.timestamp_s
+    time_s = parts.world.robot.state.timestamp_s
 
     def progress(message: str) -> None:
         log.on_event(PhaseChanged(time_s=time_s, phase=MissionPhase.EVALUATING, reason=message))
@@ -129,13 +129,13 @@ def _evaluate(
     progress("comparing the map with the true surface")
     return evaluate_mission(
         scene=parts.scene,
-        caster=parts.caster,
-        start_xy=(parts.start.x_m, parts.start.y_m),
+        caster=parts.scene.caster,
+        start_xy=(parts.scene.start.x_m, parts.scene.start.y_m),
         gaussians=parts.mapper.gaussians,
         training_poses=_batched(record.poses),
-        intrinsics=config.camera.intrinsics(),
-        camera_height_m=config.camera.mount_height_m,
-        range_m=config.camera.range_m,
+        intrinsics=config.sensor.camera.intrinsics(),
+        camera_height_m=config.sensor.camera.mount_height_m,
+        range_m=config.sensor.camera.range_m,
         robot_radius_m=config.robot.radius_m,
         robot_height_m=config.robot.height_m,
         progress=progress,
@@ -157,7 +157,7 @@ def _report(
     *,
     wall_s: float,
 ) -> MissionReport:
-    state = parts.robot.state
+    state = parts.world.robot.state
     return MissionReport.compose(
         scene=parts.scene.name,
         seed=request.seed,
@@ -212,7 +212,11 @@ def _write(
         "scene": request.scene,
         "preset": request.preset,
         "seed": request.seed,
-        "start": {"x_m": parts.start.x_m, "y_m": parts.start.y_m, "yaw_rad": parts.start.yaw_rad},
+        "start": {
+            "x_m": parts.scene.start.x_m,
+            "y_m": parts.scene.start.y_m,
+            "yaw_rad": parts.scene.start.yaw_rad,
+        },
         "versions": software_versions(),
         "mission": config.model_dump(mode="json"),
     }

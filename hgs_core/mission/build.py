@@ -1,0 +1,85 @@
+"""The composition root: from a preset, a scene and a seed to a mission ready to run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hgs_core.gain.evaluator import PanoramaGainEvaluator
+from hgs_core.mapping.mapper import Mapper
+from hgs_core.mission.config import MissionConfig
+from hgs_core.mission.events import CommandSource, MissionObserver
+from hgs_core.mission.mission import Mission
+from hgs_core.planning.hierarchical import HierarchicalPlanner
+from hgs_core.scene.scene import Scene, open_scene
+from hgs_core.simulation.world import SimulatedWorld
+
+_REGION_MARGIN_M = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MissionParts:
+    """A mission and what its report needs of the world that it runs in."""
+
+    scene: Scene
+    world: SimulatedWorld
+    mapper: Mapper
+    mission: Mission
+
+
+def build_mission(
+    config: MissionConfig,
+    scene_source: str,
+    seed: int,
+    keyframe_folder: Path,
+    *,
+    observer: MissionObserver,
+    commands: CommandSource,
+) -> MissionParts:
+    """Open the scene and put everything together. The only place that knows both maps and simulator.
+
+    The region to explore is the scene's bounding box, as an operator would give it; the planner knows
+    nothing else of the scene. Raises `SceneError` when the scene cannot serve.
+    """
+    world_seeds, mapper_seed, planner_seed = np.random.SeedSequence(seed).spawn(3)
+    scene = open_scene(scene_source, radius_m=config.robot.radius_m, height_m=config.robot.height_m)
+    world = SimulatedWorld.of(
+        scene,
+        robot=config.robot,
+        camera=config.sensor.camera,
+        scanner=config.sensor.scanner,
+        seeds=world_seeds,
+    )
+    region = scene.bounds.expanded(_REGION_MARGIN_M)
+    mapper = Mapper(
+        config.mapping,
+        config.voxels,
+        camera_range_m=config.sensor.camera.range_m,
+        scanner_range_m=config.sensor.scanner.range_m,
+        region=region,
+        keyframe_folder=keyframe_folder,
+        rng=np.random.default_rng(mapper_seed),
+    )
+    planner = HierarchicalPlanner(
+        config.planner,
+        config.robot,
+        PanoramaGainEvaluator(config.gain, config.sensor.camera.intrinsics(), config.sensor.camera.range_m),
+        camera_height_m=config.sensor.camera.mount_height_m,
+        camera_range_m=config.sensor.camera.range_m,
+        region=region,
+    )
+    mission = Mission(
+        robot=world.robot,
+        sensor=world.camera,
+        scanner=world.scanner,
+        mapper=mapper,
+        planner=planner,
+        planner_rng=np.random.default_rng(planner_seed),
+        limits=config.limits,
+        frame_interval_s=config.sensor.camera.frame_interval_s,
+        observer=observer,
+        commands=commands,
+    )
+    return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission)
