@@ -20,21 +20,29 @@ def presets_root() -> Path:
 
 
 def preset_names(subject: str) -> list[str]:
-    return sorted(path.stem for path in (presets_root() / subject).glob("*.yaml"))
+    """Names that `load_preset` takes, sorted. Raises `ConfigError` for a subject without a folder."""
+    folder = presets_root() / subject
+    subjects = sorted(path.name for path in presets_root().iterdir() if path.is_dir())
+    if subject not in subjects:
+        raise ConfigError(f"no presets about {subject!r}; there are presets about: {', '.join(subjects)}")
+    return sorted(path.stem for path in folder.glob("*.yaml"))
 
 
 def load_preset(subject: str, name: str) -> dict[str, Any]:
     """The mapping in `configs/SUBJECT/NAME.yaml`. Raises `ConfigError` naming what there is."""
-    path = presets_root() / subject / f"{name}.yaml"
-    if not path.is_file() or path.parent != presets_root() / subject:
-        raise ConfigError(f"no {subject} preset {name!r}; there are: {', '.join(preset_names(subject))}")
-    return load_yaml(path)
+    names = preset_names(subject)
+    if name not in names:
+        raise ConfigError(f"no {subject} preset {name!r}; there are: {', '.join(names) or 'none'}")
+    return load_yaml(presets_root() / subject / f"{name}.yaml")
 
 
 def load_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file. Raises `ConfigError` when it cannot be read or holds anything else."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} is not valid YAML: {error}") from error
     if not isinstance(content, dict):
         raise ConfigError(f"{path} must hold a mapping, it holds {type(content).__name__}")
