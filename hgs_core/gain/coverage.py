@@ -1,0 +1,24 @@
+"""Coverage gain: how much unobserved space a view would open (HGS-Planner Eq. 4)."""
+
+from __future__ import annotations
+
+from jaxtyping import Float64
+from numpy import ndarray
+
+from hgs_core.gain.panorama import PanoramaGrid, Panoramas, by_yaw
+from hgs_core.gain.viewpoint import CoverageMeasure
+
+
+def coverage_by_yaw(
+    grid: PanoramaGrid, panoramas: Panoramas, measure: CoverageMeasure, *, voxel_volume_m3: float
+) -> Float64[ndarray, "n n_yaws"]:
+    """Coverage of the camera at each yaw.
+
+    `volume`: unobserved volume in view, each part weighted with the transmittance before it [m^3]; the
+    integral of `r^2 dr dOmega`, so the same at every resolution. `paper`: Eq. 4 as printed, summed over the
+    image's pixels: voxel volume times transmittance, for each unobserved voxel on each pixel's ray; its size
+    grows with the camera's resolution. A voxel that was dismissed (looked at in vain) gains nothing.
+    """
+    if measure is CoverageMeasure.VOLUME:
+        return by_yaw(panoramas.unseen_volume_m3, grid.visible)
+    return by_yaw(panoramas.unseen_voxels, grid.visible) * (grid.pixels_per_ray * voxel_volume_m3)

@@ -1,0 +1,116 @@
+"""What each voxel near the viewpoints means to a ray: how opaque it is, and what seeing it is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float32, Int
+from numpy import ndarray
+
+import hgs_core.native.kernels as kernels
+from hgs_core.gaussians.gaussian_map import BLOCK
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+
+OCCUPIED_TRANSMISSION: Final = 0.05
+"""What an occupied voxel lets through at most, however few Gaussians stand in it."""
+
+OPAQUE_BELOW: Final = 0.06
+"""A ray ends where less than this is left of it: one occupied voxel ends it, so that the unobserved volume
+behind a closed wall gains nothing."""
+
+MIN_OPACITY: Final = 0.005
+"""Fainter Gaussians are on their way out of the map and count for nothing."""
+
+TRANSMISSION, UNSEEN, QUALITY = 0, 1, 2
+"""Channels of `GainField.cells`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GainField:
+    """The voxels in a box around the viewpoints.
+
+    `cells[..., 0]` is the share of light that a voxel lets through, `cells[..., 1]` is 1 where seeing it is
+    coverage, `cells[..., 2]` is `Q_v`: the expected sum of information ratios of its Gaussians in a view
+    from 1 m away [m^2], to be divided by the squared distance.
+    """
+
+    first_index: Int[ndarray, " 3"]
+    """Global voxel index of `cells[0, 0, 0]`."""
+    cells: Float32[ndarray, "nx ny nz 3"]
+    gaussians_per_m2: float
+    """Mean number of Gaussians on a voxel face's area of surface; 0 where there are none."""
+
+    def holds(self, first: Int[ndarray, " 3"], last: Int[ndarray, " 3"]) -> bool:
+        """Whether the voxels with global indices `first <= index < last` lie inside."""
+        end = self.first_index + self.cells.shape[:3]
+        return bool(np.all(self.first_index <= first) and np.all(last <= end))
+
+
+def gain_field(
+    snapshot: MapSnapshot,
+    first: Int[ndarray, " 3"],
+    last: Int[ndarray, " 3"],
+    *,
+    prior_information: float,
+    unseen_distance_m: float,
+) -> GainField:
+    """Gather the maps over the voxels with global indices `first <= index < last`, which lie in the map.
+
+    Opacity: a Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth of
+    the voxel that holds its centre. Occupied voxels are nearly opaque whatever their Gaussians, dismissed
+    ones (looked at in vain too often) fully; other unobserved voxels are transparent, as in Eq. 4.
+
+    Quality: with `I_ik` the measured training information of parameter `k` of Gaussian `i` and `w_i` the sum
+    of `1 / z^2` over the keyframes that saw it, one more view from distance `d` is expected to add
+    `I_ik / w_i / d^2`. By Eq. 9 in its trace form the view gains `sum_k I_ik / w_i / d^2 / (I_ik + prior)`.
+    Gaussians that no keyframe has seen count as seen once from `unseen_distance_m`.
+    """
+    voxels, gaussians = snapshot.voxels, snapshot.gaussians
+    shape = tuple(int(n) for n in last - first)
+    optical_depth = np.zeros(shape, np.float32)
+    quality = np.zeros(shape, np.float32)
+    count = np.zeros(shape, np.int32)
+    kernels.gather_gaussians(
+        gaussians.parameters[: gaussians.size],
+        gaussians.information[: gaussians.size],
+        gaussians.information_weight[: gaussians.size],
+        gaussians.block_bounds,
+        BLOCK,
+        first * voxels.config.size_m,
+        voxels.config.size_m,
+        prior_information,
+        unseen_distance_m,
+        MIN_OPACITY,
+        optical_depth,
+        quality,
+        count,
+    )
+    cells = np.empty((*shape, 3), np.float32)
+    _opacity(voxels, first, optical_depth, cells)
+    cells[..., QUALITY] = quality
+    populated = count > 0
+    n_populated = int(np.count_nonzero(populated))
+    per_face = float(count.sum()) / n_populated if n_populated else 0.0
+    return GainField(first_index=first, cells=cells, gaussians_per_m2=per_face / voxels.config.size_m**2)
+
+
+def _opacity(
+    voxels: VoxelMap,
+    first: Int[ndarray, " 3"],
+    optical_depth: Float32[ndarray, "nx ny nz"],
+    cells: Float32[ndarray, "nx ny nz 3"],
+) -> None:
+    low = first - voxels.origin_index
+    box = tuple(slice(int(a), int(a) + n) for a, n in zip(low, optical_depth.shape, strict=True))
+    states = voxels.states[box]
+    unobserved = states == VoxelState.UNOBSERVED
+    dismissed = unobserved & (voxels.attempts[box] >= voxels.config.max_attempts)
+    transmission = np.exp(-optical_depth)
+    occupied = states == VoxelState.OCCUPIED
+    transmission[occupied] = np.minimum(transmission[occupied], OCCUPIED_TRANSMISSION)
+    transmission[dismissed] = 0.0
+    cells[..., TRANSMISSION] = transmission
+    cells[..., UNSEEN] = unobserved & ~dismissed

@@ -1,0 +1,49 @@
+// What viewpoints would gain: Gaussians gathered into voxels, and panoramas marched through them.
+#pragma once
+#include <cstdint>
+
+#include "voxel_traversal.hpp"
+
+namespace hgs {
+
+// Where a dense box of voxels lies: lower corner [m], edge [m].
+struct GridPlace {
+  Point lower;
+  double cell;
+};
+
+struct GaussianRows {
+  const float* parameters;          // (n, 8): centre, rgb, log radius, logit opacity
+  const float* information;         // (n, 8): H_train
+  const float* information_weight;  // (n): sum of 1 / z^2
+  const float* block_bounds;        // (n_blocks, 6)
+  std::int64_t n, block;
+};
+
+struct GatherRule {
+  double prior;            // lambda of Eq. 9
+  double unseen_distance;  // Gaussians in no keyframe count as seen once from here [m]
+  double min_opacity;      // fainter Gaussians count for nothing
+};
+
+void gather_gaussians(const Grid& grid, const GridPlace& place, const GaussianRows& gaussians, const GatherRule& rule,
+                      float* optical_depth, float* quality, std::int32_t* count);
+
+// What one voxel means to a ray: the share of light that it lets through; whether seeing it is a gain; and
+// the quality that seeing it from 1 m would add, per volume.
+struct PanoramaCell {
+  float transmission, unseen, quality;
+};
+
+struct Panorama {
+  std::int64_t n_azimuth, n_elevation;
+  double tan_low, tan_high;  // of the elevations at the lower and upper edge
+  double range;              // horizontal, in cells
+  double opaque_below;       // a ray ends where less than this is left of it
+  double face_depth;         // how far behind a surface's first voxel its Gaussians still count as its face, in cells
+};
+
+void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
+                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality);
+
+}  // namespace hgs
