@@ -1,0 +1,64 @@
+"""The newest images of a mission."""
+
+from __future__ import annotations
+
+import io
+from enum import StrEnum
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Response, status
+from numpy import ndarray
+from PIL import Image
+
+from app.deps import MissionDep
+from app.errors import NotFound
+from app.missions.display import IMAGE_KINDS
+
+router = APIRouter(prefix="/missions", tags=["images"])
+
+_JPEG_QUALITY = 88
+
+
+class ImageKind(StrEnum):
+    OBSERVED = "observed"
+    RENDERED = "rendered"
+    DEPTH = "depth"
+    QUALITY = "quality"
+
+
+assert tuple(ImageKind) == IMAGE_KINDS
+
+
+@router.get(
+    "/{mission_id}/images/{kind}",
+    operation_id="getImage",
+    response_class=Response,
+    responses={
+        200: {"content": {"image/jpeg": {}, "image/png": {}}, "description": "The image; ETag is its number"},
+        304: {"description": "Still the image that If-None-Match names"},
+    },
+)
+def get_image(
+    mission: MissionDep, kind: ImageKind, if_none_match: Annotated[str | None, Header()] = None
+) -> Response:
+    """Camera image, the map drawn from the same pose, measured depth, or quality gain of every pixel."""
+    view = mission.view
+    if view is None:
+        raise NotFound(f"mission {mission.id} has no images (yet)")
+    sequence, shown = view
+    tag = f'"{mission.id}-{kind}-{sequence}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache", "X-View-Sequence": str(sequence)}
+    if if_none_match is not None and tag in if_none_match:
+        return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=headers)
+    photographic = kind in (ImageKind.OBSERVED, ImageKind.RENDERED)
+    body = _encoded(getattr(shown, kind), photographic=photographic)
+    return Response(body, media_type="image/jpeg" if photographic else "image/png", headers=headers)
+
+
+def _encoded(image: ndarray, *, photographic: bool) -> bytes:
+    stream = io.BytesIO()
+    if photographic:
+        Image.fromarray(image).save(stream, "JPEG", quality=_JPEG_QUALITY)
+    else:
+        Image.fromarray(image).save(stream, "PNG", compress_level=1)
+    return stream.getvalue()

@@ -1,0 +1,63 @@
+"""What missions leave behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fastapi import APIRouter
+from fastapi.responses import FileResponse
+
+from app.deps import MissionDep
+from app.errors import NotFound
+from app.missions.mission import Mission
+from app.schemas import ResultFile
+
+router = APIRouter(prefix="/missions", tags=["results"])
+
+_DESCRIPTIONS = {
+    "report.json": "Figures of the mission",
+    "report.html": "Figures of the mission, to read",
+    "config.yaml": "Resolved settings, seed and versions",
+    "events.jsonl": "Everything that happened, one event a line",
+    "trajectory.txt": "Driven path, TUM format",
+    "map.ply": "Gaussian map, opens in common splat viewers",
+    "mesh.ply": "Surface mesh",
+    "transforms.json": "Keyframe poses, for retraining",
+    "process.log": "Output of the mission process",
+}
+
+
+@router.get("/{mission_id}/results", operation_id="listResults")
+def list_results(mission: MissionDep) -> list[ResultFile]:
+    """Files of the mission; empty until it has written them."""
+    return [
+        ResultFile(
+            name=name,
+            size_bytes=path.stat().st_size,
+            modified_at=path.stat().st_mtime,
+            description=_DESCRIPTIONS.get(name, ""),
+        )
+        for name, path in _files(mission).items()
+    ]
+
+
+@router.get("/{mission_id}/results/{name:path}", operation_id="getResult", response_class=FileResponse)
+def get_result(mission: MissionDep, name: str) -> FileResponse:
+    """Download one listed file."""
+    path = _files(mission).get(name)
+    if path is None:
+        raise NotFound(f"mission {mission.id} has no result {name!r}")
+    return FileResponse(path, filename=f"{mission.id}-{path.name}")
+
+
+def _files(mission: Mission) -> dict[str, Path]:
+    """Listed files by name, links left out. Only these can be fetched: no name leads out of the folder."""
+    root = mission.results_dir
+    found = {
+        path.relative_to(root).as_posix(): path
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and not path.is_symlink() and path.resolve().is_relative_to(root.resolve())
+    }
+    if mission.log_file.is_file():
+        found[mission.log_file.name] = mission.log_file
+    return found

@@ -1,0 +1,105 @@
+"""Which scenes and presets a mission can be made of."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any, Final
+
+from app.errors import Invalid
+from app.missions.service import MissionOrder
+from app.schemas import MissionCreate, PresetEntry, SceneEntry
+from hgs_core.config.presets import load_preset, preset_names
+
+MESH_SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply")
+_HOUSE: Final = re.compile(r"^house(:\d{1,9})?$")
+
+
+class Catalogue:
+    """Built-in scenes, and the meshes directly in `scenes_dir`."""
+
+    def __init__(self, scenes_dir: Path | None) -> None:
+        self._scenes_dir = scenes_dir
+
+    def scenes(self) -> list[SceneEntry]:
+        built_in = SceneEntry(
+            name="house",
+            kind="built-in",
+            description="A procedural house of several furnished rooms; house:N is another layout",
+        )
+        files = [
+            SceneEntry(name=path.name, kind="file", description=_description(path))
+            for path in self._files().values()
+        ]
+        return [built_in, *files]
+
+    def presets(self) -> list[PresetEntry]:
+        entries = []
+        for name in preset_names("mission"):
+            content = load_preset("mission", name)
+            description = str(content.pop("description", ""))
+            entries.append(PresetEntry(name=name, description=description, content=content))
+        return entries
+
+    def order(self, wish: MissionCreate) -> MissionOrder:
+        """`wish`, names resolved. Raises `Invalid` that names the field, its value and what there is."""
+        errors: list[dict[str, Any]] = []
+        source = self._source(wish.scene)
+        if source is None:
+            scenes = [*(scene.name for scene in self.scenes()), "house:N"]
+            errors.append(_unknown("scene", wish.scene, scenes))
+        presets = preset_names("mission")
+        if wish.preset not in presets:
+            errors.append(_unknown("preset", wish.preset, presets))
+        if errors or source is None:
+            detail = "; ".join(str(error["message"]) for error in errors)
+            raise Invalid(detail, errors=errors)
+        return MissionOrder(
+            scene=wish.scene,
+            scene_source=source,
+            preset=wish.preset,
+            seed=wish.seed,
+            max_time_s=wish.max_time_s,
+            overrides=dict(wish.overrides),
+        )
+
+    def _source(self, scene: str) -> str | None:
+        if _HOUSE.match(scene):
+            return scene
+        path = self._files().get(scene)
+        return str(path) if path is not None else None
+
+    def _files(self) -> dict[str, Path]:
+        """Meshes by name; only what lies in the folder itself, so that no name leads elsewhere."""
+        if self._scenes_dir is None:
+            return {}
+        return {
+            path.name: path
+            for path in sorted(self._scenes_dir.iterdir())
+            if path.suffix.lower() in MESH_SUFFIXES and path.is_file()
+        }
+
+
+def _description(path: Path) -> str:
+    """From the JSON beside the mesh where there is one; else its size."""
+    facts = path.with_suffix(".json")
+    size = f"{path.stat().st_size / 1e6:.1f} MB"
+    if facts.is_file():
+        try:
+            content = json.loads(facts.read_text(encoding="utf-8"))
+        except (json.JSONDecodeError, UnicodeDecodeError):
+            return f"{size}; {facts.name} beside it is not JSON"
+        for key in ("description", "title", "name"):
+            if isinstance(content, dict) and isinstance(content.get(key), str):
+                return f"{content[key]} ({size})"
+    return size
+
+
+def _unknown(field: str, value: str, allowed: list[str]) -> dict[str, Any]:
+    return {
+        "field": field,
+        "value": value,
+        "message": f"{field} {value!r} is not known; there are: {', '.join(allowed)}",
+        "allowed": allowed,
+    }

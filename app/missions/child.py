@@ -1,0 +1,178 @@
+"""The mission's own process: one mission, then the end.
+
+Only the standard library is imported before the thread caps are set: numerical libraries read them once.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from dataclasses import dataclass
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from app.missions.transport import ArraySlot, CommandReceiver, EventSender
+    from hgs_core.mission.events import Command, MissionEvent, MissionView
+
+EXIT_FAILED = 1
+EXIT_ORPHANED = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChildTask:
+    """Everything a mission process is told: plain data, so that it can be spawned."""
+
+    runner: str
+    """`module:function` with the signature of `hgs_core.mission.run.run_mission`."""
+    scene: str
+    preset: str
+    seed: int
+    out: str
+    max_time_s: float | None
+    overrides: dict[str, str]
+    threads: int
+    log_file: str
+    slot_name: str
+    display_interval_s: float
+    max_splats: int
+    max_image_width: int
+    orphan_s: float
+
+
+def run_child(task: ChildTask, events: Connection, commands: Connection) -> None:
+    """Entry point of the spawned process."""
+    _write_output_to(Path(task.log_file))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the service, which stops its mission
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[variable] = str(task.threads)
+
+    from app.missions.transport import ArraySlot, CommandReceiver, EventSender
+
+    sender = EventSender(events)
+    receiver = CommandReceiver(commands)
+    _watch_parent(receiver, task.orphan_s)
+    slot = ArraySlot.attach(task.slot_name)
+    code = _run(task, sender, receiver, slot)
+    slot.close()
+    sender.close()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    sys.exit(code)
+
+
+def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: ArraySlot) -> int:
+    try:
+        import torch
+
+        torch.set_num_threads(task.threads)
+        from hgs_core.mission.run import MissionRequest
+
+        module, _, function = task.runner.partition(":")
+        run = getattr(importlib.import_module(module), function)
+        request = MissionRequest(
+            scene=task.scene,
+            preset=task.preset,
+            seed=task.seed,
+            out=Path(task.out),
+            max_time_s=task.max_time_s,
+            overrides=dict(task.overrides),
+        )
+        run(
+            request,
+            observer=_Observer(task, sender, slot),
+            commands=_Commands(receiver, sender),
+        )
+    except Exception as error:
+        traceback.print_exc()
+        sender.send({"control": "failed", "error": type(error).__name__, "message": str(error)})
+        return EXIT_FAILED
+    sender.send({"control": "finished"})
+    return 0
+
+
+class _Observer:
+    """Passes events to the pipe and views to the shared slot."""
+
+    def __init__(self, task: ChildTask, sender: EventSender, slot: ArraySlot) -> None:
+        self._task = task
+        self._sender = sender
+        self._slot = slot
+        self._next_view = 0.0
+        self._view_failures = 0
+
+    def on_event(self, event: MissionEvent) -> None:
+        from app.missions.transport import plain_json
+
+        self._sender.send(plain_json(event.as_json()))
+
+    def wants_view(self) -> bool:
+        return time.monotonic() >= self._next_view
+
+    def on_view(self, view: MissionView) -> None:
+        from app.missions.display_builder import display_view
+
+        try:
+            shown = display_view(
+                view, max_splats=self._task.max_splats, max_image_width=self._task.max_image_width
+            )
+            sequence = self._slot.write(shown.arrays(), shown.meta())
+        except Exception as error:
+            # A picture that cannot be made must not end the mission: the operator is told, the robot goes on.
+            self._view_failures += 1
+            if self._view_failures in (1, 10, 100, 1000):
+                traceback.print_exc()
+                message = f"the view could not be made ({self._view_failures}x): {error}"
+                self._sender.send(
+                    {"kind": "notice", "time_s": view.time_s, "level": "warning", "message": message}
+                )
+        else:
+            self._sender.send({"control": "view", "view": sequence})
+        self._next_view = time.monotonic() + self._task.display_interval_s
+
+
+class _Commands:
+    """A `CommandSource` that tells the service when STOP has been read."""
+
+    def __init__(self, receiver: CommandReceiver, sender: EventSender) -> None:
+        self._receiver = receiver
+        self._sender = sender
+        self._told = False
+
+    def poll(self) -> Command | None:
+        from hgs_core.mission.events import Command
+
+        word = self._receiver.poll()
+        if word == "stop" and not self._told:
+            self._told = True
+            self._sender.send({"control": "stop_read"})
+        return Command(word) if word is not None else None
+
+
+def _watch_parent(receiver: CommandReceiver, orphan_s: float) -> None:
+    """End this process soon after the service died: first by STOP, which saves the results, then hard."""
+    parent: Any = parent_process()
+
+    def wait() -> None:
+        parent.join()
+        receiver.stop_now()
+        time.sleep(orphan_s)
+        os._exit(EXIT_ORPHANED)
+
+    threading.Thread(target=wait, name="parent-watcher", daemon=True).start()
+
+
+def _write_output_to(path: Path) -> None:
+    """Send standard output and error, also those of native code, to `path`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    os.dup2(descriptor, 1)
+    os.dup2(descriptor, 2)
+    os.close(descriptor)

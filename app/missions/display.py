@@ -1,0 +1,86 @@
+"""`DisplayView`: what the service knows of a mission's maps and plan at one moment, ready to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float32, Float64, UInt8
+from numpy import ndarray
+
+DISPLAY_SCHEMA_VERSION: Final = 1
+
+SUBSPACE_STATES: Final = ("reconstructed", "reconstructing", "unreconstructed")
+CANDIDATE_STATUSES: Final = ("selected", "below_threshold", "unreachable", "crossing")
+IMAGE_KINDS: Final = ("observed", "rendered", "depth", "quality")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DisplayView:
+    """Plain arrays in the world frame [m], sized for a viewer, not for computing."""
+
+    time_s: float
+    n_gaussians: int
+    """In the map; the splats below are at most a stated number of them."""
+    splat_centres_m: Float32[ndarray, "n 3"]
+    splat_rgb: UInt8[ndarray, "n 3"]
+    splat_radii_m: Float32[ndarray, " n"]
+    splat_opacities: UInt8[ndarray, " n"]
+    """0..255."""
+    trajectory_m: Float32[ndarray, "n_poses 3"]
+    subspace_bounds_m: Float32[ndarray, "n_subspaces 6"]
+    """Lower corner, upper corner."""
+    subspace_states: UInt8[ndarray, " n_subspaces"]
+    """Index into `SUBSPACE_STATES`."""
+    candidate_poses: Float32[ndarray, "n_candidates 4"]
+    """x, y, z [m], yaw [rad]."""
+    candidate_gains: Float32[ndarray, "n_candidates 3"]
+    """Coverage, quality, total."""
+    candidate_statuses: UInt8[ndarray, " n_candidates"]
+    """Index into `CANDIDATE_STATUSES`."""
+    global_tour_m: Float32[ndarray, "n_tour 3"]
+    local_path_m: Float32[ndarray, "n_local 3"]
+    T_world_camera: Float64[ndarray, "4 4"]
+    camera: Float64[ndarray, " 4"]
+    """Width and height [px], fx and fy [px]."""
+    observed: UInt8[ndarray, "h w 3"]
+    rendered: UInt8[ndarray, "h2 w2 3"]
+    depth: UInt8[ndarray, "h3 w3 3"]
+    """Measured depth, coloured."""
+    quality: UInt8[ndarray, "h4 w4 3"]
+    """Quality gain of every pixel of the current view, coloured on a logarithmic scale."""
+
+    def arrays(self) -> dict[str, ndarray]:
+        return {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if field.name not in ("time_s", "n_gaussians")
+        }
+
+    def meta(self) -> dict[str, Any]:
+        return {"schema": DISPLAY_SCHEMA_VERSION, "time_s": self.time_s, "n_gaussians": self.n_gaussians}
+
+    @staticmethod
+    def of(arrays: Mapping[str, ndarray], meta: Mapping[str, Any]) -> DisplayView:
+        return DisplayView(time_s=meta["time_s"], n_gaussians=meta["n_gaussians"], **arrays)
+
+    @property
+    def robot_m(self) -> Float32[ndarray, " 3"]:
+        """Where the camera is, on the floor."""
+        return np.array([self.T_world_camera[0, 3], self.T_world_camera[1, 3], 0.0], np.float32)
+
+
+MAX_TRAJECTORY: Final = 4_000
+MAX_SUBSPACES: Final = 1_000
+MAX_CANDIDATES: Final = 400
+MAX_POLYLINE: Final = 1_000
+
+
+def slot_bytes(max_splats: int, max_image_width: int) -> int:
+    """Upper bound of a view's size in an `ArraySlot`: images are at most twice as high as wide."""
+    splats = max_splats * (12 + 3 + 4 + 1)
+    images = 4 * max_image_width * (2 * max_image_width) * 3
+    lists = MAX_TRAJECTORY * 12 + MAX_SUBSPACES * 25 + MAX_CANDIDATES * 29 + 2 * MAX_POLYLINE * 12
+    return splats + images + lists + 64 * 1024

@@ -1,0 +1,217 @@
+"""One mission as the service holds it: its record, its events, its newest picture, its process."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from app.errors import Conflict
+from app.missions.display import DisplayView
+from app.missions.event_log import EventLog
+from app.missions.states import COMMANDS, TRANSITIONS, MissionState
+from app.missions.supervisor import Outcome, Supervisor
+from app.store import MissionRecord, MissionStore
+
+log = logging.getLogger(__name__)
+
+_PHASE_STATES = {
+    "running": MissionState.RUNNING,
+    "paused": MissionState.PAUSED,
+    "evaluating": MissionState.STOPPING,
+}
+
+
+class Mission:
+    """Safe to use from any thread. Every change of state is saved first, then told as a `state` event."""
+
+    def __init__(self, record: MissionRecord, store: MissionStore) -> None:
+        self._store = store
+        self._lock = threading.RLock()
+        self._record = record
+        self._supervisor: Supervisor | None = None
+        self._stop_reason: str | None = None
+        self._end_message: str | None = None
+        self._phase: str | None = None
+        self._requested: str | None = None
+        self._view: tuple[int, DisplayView] | None = None
+        self._heard_at: float | None = None
+        folder = store.folder(record.id)
+        folder.mkdir(parents=True, exist_ok=True)
+        self.log = EventLog(folder / "events.jsonl")
+
+    @property
+    def record(self) -> MissionRecord:
+        return self._record
+
+    @property
+    def id(self) -> str:
+        return self._record.id
+
+    @property
+    def state(self) -> MissionState:
+        return self._record.state
+
+    @property
+    def phase(self) -> str | None:
+        """The mission's own word for what it does now."""
+        return self._phase
+
+    @property
+    def pid(self) -> int | None:
+        supervisor = self._supervisor
+        return supervisor.pid if supervisor is not None and self.state.active else None
+
+    @property
+    def results_dir(self) -> Path:
+        return self._store.folder(self.id) / "run"
+
+    @property
+    def log_file(self) -> Path:
+        return self._store.folder(self.id) / "process.log"
+
+    @property
+    def view(self) -> tuple[int, DisplayView] | None:
+        """The newest view and its sequence number."""
+        return self._view
+
+    @property
+    def silent_s(self) -> float | None:
+        """Seconds since the process was last heard; None when there is no process."""
+        heard = self._heard_at
+        return time.monotonic() - heard if heard is not None and self.state.active else None
+
+    def begin(self, launch: Callable[[Mission], Supervisor]) -> None:
+        """Go from created to starting and launch the process. Raises `Conflict` in another state."""
+        with self._lock:
+            self._require("start")
+            self._change(MissionState.STARTING, "the mission process is starting", started_at=time.time())
+            self._heard_at = time.monotonic()
+            try:
+                self._supervisor = launch(self)
+            except Exception as error:
+                self._end(MissionState.FAILED, f"the mission process could not be started: {error}")
+                raise
+            self._supervisor.listen()
+
+    def pause(self) -> None:
+        self._command("pause")
+
+    def resume(self) -> None:
+        self._command("resume")
+
+    def stop(self, reason: str = "stopped by the operator") -> None:
+        """Stop, in any state; a mission that has ended or is stopping stays as it is."""
+        with self._lock:
+            if self.state.ended:
+                return
+            if self.state is MissionState.CREATED:
+                self._end(MissionState.ABORTED, f"{reason} before it started")
+                return
+            if self._supervisor is not None:
+                self._supervisor.stop()
+            if self.state is not MissionState.STOPPING:
+                self._change(MissionState.STOPPING, f"{reason}; it evaluates and writes its results")
+
+    def force(self, reason: str) -> None:
+        supervisor = self._supervisor
+        if supervisor is not None and self.state.active:
+            supervisor.force(reason)
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the process to end; whether there is none (any more)."""
+        supervisor = self._supervisor
+        return supervisor is None or supervisor.join(timeout_s)
+
+    def on_event(self, event: dict[str, Any]) -> None:
+        """Take in an event of the mission process."""
+        self._heard_at = time.monotonic()
+        with self._lock:
+            numbered = self.log.append({"received_at": time.time(), **in_degrees(event)})
+            if numbered["kind"] == "phase":
+                self._follow_phase(str(numbered["phase"]), str(numbered["reason"]))
+            elif numbered["kind"] == "ended":
+                self._stop_reason = str(numbered["stop_reason"])
+                self._end_message = str(numbered["message"])
+
+    def on_view(self, sequence: int, view: DisplayView) -> None:
+        self._heard_at = time.monotonic()
+        self._view = (sequence, view)
+
+    def on_end(self, outcome: Outcome) -> None:
+        """Settle the final state. Nothing the process did or failed to do keeps a mission from ending."""
+        with self._lock:
+            message = self._end_message or ""
+            if outcome.error is not None and outcome.forced and outcome.stopped:
+                self._end(MissionState.ABORTED, outcome.error)
+            elif outcome.error is not None:
+                self._end(MissionState.FAILED, outcome.error)
+            elif self._stop_reason == "failed":
+                self._end(MissionState.FAILED, message or "the mission failed")
+            elif self._stop_reason == "interrupted":
+                self._end(MissionState.ABORTED, message or "stopped by the operator")
+            else:
+                self._end(MissionState.COMPLETED, message or "the mission ended by itself")
+
+    def abandon(self, reason: str) -> None:
+        """Mark a mission failed that no process belongs to any more."""
+        with self._lock:
+            self._end(MissionState.FAILED, reason)
+
+    def _command(self, command: str) -> None:
+        with self._lock:
+            self._require(command)
+            if self._requested == command:
+                return  # already on its way
+            self._requested = command
+            assert self._supervisor is not None
+            self._supervisor.send(command)
+
+    def _require(self, command: str) -> None:
+        allowed = COMMANDS[command]
+        if self.state not in allowed:
+            raise Conflict(
+                f"cannot {command} mission {self.id}: it is {self.state} ({self.record.reason}); "
+                f"{command} needs {' or '.join(sorted(allowed))}",
+                errors=[{"field": "state", "value": str(self.state), "allowed": sorted(allowed)}],
+            )
+
+    def _follow_phase(self, phase: str, reason: str) -> None:
+        self._phase = phase
+        state = _PHASE_STATES.get(phase)
+        if state is None or state is self.state or state not in TRANSITIONS[self.state]:
+            return
+        self._requested = None
+        self._change(state, reason or phase)
+
+    def _change(self, state: MissionState, reason: str, **changes: Any) -> None:
+        if state not in TRANSITIONS[self.state]:
+            raise Conflict(f"mission {self.id} cannot go from {self.state} to {state}")
+        self._record = self._record.model_copy(update={"state": state, "reason": reason, **changes})
+        self._store.save(self._record)
+        self.log.append({"received_at": time.time(), "kind": "state", "state": str(state), "reason": reason})
+        log.info("mission %s is %s: %s", self.id, state, reason)
+
+    def _end(self, state: MissionState, reason: str) -> None:
+        self._change(state, reason, ended_at=time.time(), stop_reason=self._stop_reason)
+        self.log.close()
+
+
+def in_degrees(value: Any) -> Any:
+    """`value` with every `NAME_rad` entry as `NAME_deg`: outside, angles are in degrees."""
+    if isinstance(value, dict):
+        return dict(_degree_entry(key, entry) for key, entry in value.items())
+    if isinstance(value, list):
+        return [in_degrees(entry) for entry in value]
+    return value
+
+
+def _degree_entry(key: str, value: Any) -> tuple[str, Any]:
+    if key.endswith("_rad"):
+        degrees = None if value is None else math.degrees(value)
+        return f"{key.removesuffix('_rad')}_deg", degrees
+    return key, in_degrees(value)

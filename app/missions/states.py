@@ -1,0 +1,81 @@
+"""The life of a mission as the service sees it.
+
+```text
+created -> starting -> running <-> paused
+              |           |          |
+              +-----------+----------+--> stopping -> completed | failed | aborted
+```
+
+A mission that ends by itself passes `stopping` too: that is when it evaluates and writes its folder.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+
+class MissionState(StrEnum):
+    CREATED = "created"
+    STARTING = "starting"
+    RUNNING = "running"
+    PAUSED = "paused"
+    STOPPING = "stopping"
+    COMPLETED = "completed"
+    FAILED = "failed"
+    ABORTED = "aborted"
+
+    @property
+    def ended(self) -> bool:
+        return not TRANSITIONS[self]
+
+    @property
+    def active(self) -> bool:
+        """Whether a mission process exists (or is about to)."""
+        return self in (
+            MissionState.STARTING,
+            MissionState.RUNNING,
+            MissionState.PAUSED,
+            MissionState.STOPPING,
+        )
+
+
+_ENDS = frozenset({MissionState.COMPLETED, MissionState.FAILED, MissionState.ABORTED})
+
+TRANSITIONS: Final[dict[MissionState, frozenset[MissionState]]] = {
+    MissionState.CREATED: frozenset({MissionState.STARTING, MissionState.ABORTED, MissionState.FAILED}),
+    MissionState.STARTING: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _ENDS,
+    MissionState.RUNNING: frozenset({MissionState.PAUSED, MissionState.STOPPING}) | _ENDS,
+    MissionState.PAUSED: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _ENDS,
+    MissionState.STOPPING: _ENDS,
+    MissionState.COMPLETED: frozenset(),
+    MissionState.FAILED: frozenset(),
+    MissionState.ABORTED: frozenset(),
+}
+"""Which state may follow which."""
+
+COMMANDS: Final[dict[str, frozenset[MissionState]]] = {
+    "start": frozenset({MissionState.CREATED}),
+    "pause": frozenset({MissionState.RUNNING}),
+    "resume": frozenset({MissionState.PAUSED}),
+    "stop": frozenset(
+        {
+            MissionState.CREATED,
+            MissionState.STARTING,
+            MissionState.RUNNING,
+            MissionState.PAUSED,
+            MissionState.STOPPING,
+        }
+    )
+    | _ENDS,
+}
+"""In which states an operator's command makes sense; stop always does."""
+
+
+def commands_allowed(state: MissionState) -> list[str]:
+    """What an operator may usefully do now, in the order of a toolbar."""
+    return [
+        command
+        for command, states in COMMANDS.items()
+        if state in states and not (command == "stop" and (state.ended or state is MissionState.STOPPING))
+    ]

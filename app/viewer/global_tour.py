@@ -1,0 +1,29 @@
+"""Layer: the tour through the subspaces that are still to be finished."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+
+from app.missions.display import DisplayView
+from app.viewer.palette import GLOBAL_TOUR
+from app.viewer.polyline import FixedPolyline
+
+
+class GlobalTourLayer:
+    title = "Global tour"
+    shown_at_first = True
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._line = FixedPolyline(server, "/global_tour", GLOBAL_TOUR, capacity=512, thickness_px=4.0)
+
+    def update(self, view: DisplayView) -> None:
+        on_floor = view.global_tour_m.copy()
+        on_floor[:, 2] = 0.09
+        self._line.set_points(on_floor)
+
+    def clear(self) -> None:
+        self._line.set_points(np.zeros((0, 3)))
+
+    def set_visible(self, visible: bool) -> None:
+        self._line.set_visible(visible)

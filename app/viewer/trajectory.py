@@ -1,0 +1,29 @@
+"""Layer: the path driven so far."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+
+from app.missions.display import DisplayView
+from app.viewer.palette import TRAJECTORY
+from app.viewer.polyline import FixedPolyline
+
+
+class TrajectoryLayer:
+    title = "Driven path"
+    shown_at_first = True
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._line = FixedPolyline(server, "/trajectory", TRAJECTORY, capacity=2_000, thickness_px=3.0)
+
+    def update(self, view: DisplayView) -> None:
+        on_floor = view.trajectory_m.copy()
+        on_floor[:, 2] = 0.06
+        self._line.set_points(on_floor)
+
+    def clear(self) -> None:
+        self._line.set_points(np.zeros((0, 3)))
+
+    def set_visible(self, visible: bool) -> None:
+        self._line.set_visible(visible)
