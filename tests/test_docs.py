@@ -1,0 +1,60 @@
+"""The documents say what the code does, as far as a program can tell."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from hgs_core.evaluation.report import MissionReport
+
+
+def documented_names(text: str) -> set[str]:
+    """Names in backticks in the first column of the tables; `a_1cm`, `_2cm` stands for a_1cm and a_2cm."""
+    names: set[str] = set()
+    for row in re.findall(r"^\| ([^|]+) \|", text, re.MULTILINE):
+        stem = ""
+        for name in re.findall(r"`([\w.]+)`", row):
+            if name.startswith("_"):
+                names.add(re.sub(r"_\d+cm$", name, stem))
+            elif name.startswith("."):
+                names.add(stem.split(".")[0] + name)
+            else:
+                stem = name
+                names.add(name)
+    return names
+
+
+def keys_of(model: type[BaseModel], prefix: str = "") -> set[str]:
+    """Keys as they stand in the file; a nested model's as `outer.inner`."""
+    keys: set[str] = set()
+    for name, field in model.model_fields.items():
+        key = prefix + (field.alias or name)
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            keys |= keys_of(field.annotation, key + ".")
+        else:
+            keys.add(key)
+    return keys
+
+
+def test_every_key_of_the_report_is_documented_and_no_other(repository: Path) -> None:
+    documented = documented_names((repository / "docs" / "report.md").read_text(encoding="utf-8"))
+    assert documented == keys_of(MissionReport)
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/report.md"])
+def test_local_links_lead_somewhere(repository: Path, document: str) -> None:
+    path = repository / document
+    targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", path.read_text(encoding="utf-8"))
+    targets += re.findall(r'src="(?!https?:)([^"]+)"', path.read_text(encoding="utf-8"))
+    missing = [target for target in targets if not (path.parent / target).exists()]
+    assert not missing
+
+
+def test_readme_names_only_make_targets_that_exist(repository: Path) -> None:
+    readme = (repository / "README.md").read_text(encoding="utf-8")
+    makefile = (repository / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    assert set(re.findall(r"(?:`|^)make ([a-z-]+)", readme, re.MULTILINE)) <= targets
