@@ -1,3 +1,135 @@
-#include "bind.hpp"
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 
-void bind_rasterise(nanobind::module_& m) { (void)m; }
+#include <array>
+#include <optional>
+#include <stdexcept>
+#include <tuple>
+
+#include "bind.hpp"
+#include "rasterise.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Rows = nb::ndarray<float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
+using ConstRows = nb::ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
+using Column = nb::ndarray<float, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using IntColumn = nb::ndarray<std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Bounds = nb::ndarray<float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
+using ConstBounds = nb::ndarray<const float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
+using Image = nb::ndarray<float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using ConstImage = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Image3 = nb::ndarray<float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using ConstImage3 = nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using ConstRgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+
+// fx, fy, cx, cy, then T_camera_world as a row-major 3 x 4 matrix.
+using CameraNumbers = std::array<float, 16>;
+
+void require(bool held, const char* what) {
+  if (!held) throw std::invalid_argument(what);
+}
+
+hgs::PinholeCamera camera_of(const CameraNumbers& numbers, std::size_t width, std::size_t height) {
+  hgs::PinholeCamera camera{numbers[0], numbers[1], numbers[2], numbers[3],
+                            static_cast<int>(width), static_cast<int>(height), {}, {}};
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) camera.rotation[3 * i + j] = numbers[4 + 4 * i + j];
+    camera.translation[i] = numbers[4 + 4 * i + 3];
+  }
+  return camera;
+}
+
+template <class Parameters, class BlockBounds>
+hgs::GaussianRows rows_of(const Parameters& parameters, const BlockBounds& bounds) {
+  const std::size_t n = parameters.shape(0);
+  require(bounds.shape(0) == (n + hgs::BLOCK - 1) / hgs::BLOCK, "block_bounds needs one row for every 256 Gaussians");
+  require(n < (std::size_t{1} << 31), "too many Gaussians");
+  return {parameters.data(), n, bounds.data()};
+}
+
+template <class A, class B>
+void require_same_image(const A& a, const B& b) {
+  require(a.shape(0) == b.shape(0) && a.shape(1) == b.shape(1), "the images differ in height or width");
+}
+
+void render_sums(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, Image3 colour, Image depth,
+                 Image silhouette) {
+  require_same_image(colour, depth);
+  require_same_image(colour, silhouette);
+  const nb::gil_scoped_release release;
+  hgs::rasterise_kernels().forward(rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)),
+                                   {colour.data(), depth.data(), silhouette.data()});
+}
+
+void render_gradient(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstImage3 d_colour,
+                     ConstImage d_depth, ConstImage d_silhouette, Rows gradient) {
+  require_same_image(d_colour, d_depth);
+  require_same_image(d_colour, d_silhouette);
+  require(gradient.shape(0) == parameters.shape(0), "gradient needs a row for every Gaussian");
+  const nb::gil_scoped_release release;
+  hgs::rasterise_kernels().backward(rows_of(parameters, bounds),
+                                    camera_of(camera, d_depth.shape(1), d_depth.shape(0)),
+                                    {d_colour.data(), d_depth.data(), d_silhouette.data()}, gradient.data());
+}
+
+std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
+    Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
+    ConstRgb rgb, ConstImage depth, std::array<float, 3> weights, std::array<float, 8> rates, float beta1, float beta2,
+    float epsilon, float min_log_radius, float max_log_radius) {
+  const std::size_t n = parameters.shape(0);
+  require_same_image(rgb, depth);
+  require(first_moment.shape(0) == n && second_moment.shape(0) == n && steps.shape(0) == n,
+          "Adam's arrays need a row for every Gaussian");
+  hgs::AdamState adam{parameters.data(), first_moment.data(), second_moment.data(), steps.data(), bounds.data(), {},
+                      beta1, beta2, epsilon, min_log_radius, max_log_radius};
+  for (int k = 0; k < hgs::N_PARAMETERS; ++k) adam.rates[k] = rates[k];
+  const hgs::Target target{rgb.data(), depth.data(), weights[0], weights[1], weights[2]};
+  const nb::gil_scoped_release release;
+  const hgs::LossSums loss = hgs::rasterise_kernels().optimise(
+      rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), target, adam);
+  return {loss.total, loss.colour_l1, loss.depth_l1_m, loss.pixels, loss.covered};
+}
+
+void add_information(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, int width, int height,
+                     Rows information, std::optional<Column> weight) {
+  const std::size_t n = parameters.shape(0);
+  require(information.shape(0) == n, "information needs a row for every Gaussian");
+  require(!weight || weight->shape(0) == n, "weight needs a row for every Gaussian");
+  require(width > 0 && height > 0, "the image is empty");
+  const nb::gil_scoped_release release;
+  hgs::rasterise_kernels().information(rows_of(parameters, bounds), camera_of(camera, width, height),
+                                       information.data(), weight ? weight->data() : nullptr);
+}
+
+void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstRows information, float prior,
+                   Image image) {
+  require(information.shape(0) == parameters.shape(0), "information needs a row for every Gaussian");
+  const nb::gil_scoped_release release;
+  hgs::rasterise_kernels().quality_image(rows_of(parameters, bounds),
+                                         camera_of(camera, image.shape(1), image.shape(0)), information.data(), prior,
+                                         image.data());
+}
+
+}  // namespace
+
+void bind_rasterise(nb::module_& m) {
+  hgs::rasterise_kernels();  // a wrong HGS_KERNEL_VARIANT fails the import, not the first picture
+  m.def("variant", [] { return hgs::rasterise_kernels().name; }, "Instruction-set variant of the rasteriser.");
+  m.def("render_sums", &render_sums, "parameters"_a, "block_bounds"_a, "camera"_a, "colour"_a, "depth"_a,
+        "silhouette"_a);
+  m.def("render_gradient", &render_gradient, "parameters"_a, "block_bounds"_a, "camera"_a, "d_colour"_a, "d_depth"_a,
+        "d_silhouette"_a, "gradient"_a);
+  m.def("optimise_view", &optimise_view, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
+        "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "rates"_a, "beta1"_a, "beta2"_a, "epsilon"_a,
+        "min_log_radius"_a, "max_log_radius"_a);
+  m.def("add_information", &add_information, "parameters"_a, "block_bounds"_a, "camera"_a, "width"_a, "height"_a,
+        "information"_a, "weight"_a.none());
+  m.def("quality_image", &quality_image, "parameters"_a, "block_bounds"_a, "camera"_a, "information"_a, "prior"_a,
+        "image"_a);
+}

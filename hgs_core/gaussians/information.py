@@ -1,0 +1,79 @@
+"""Diagonal Fisher information of the map (HGS-Planner Eq. 5-9, after FisherRF).
+
+A rendered colour is a measurement with noise of unit variance, so the information that one view holds about a
+parameter w is `H = sum over pixels and channels of (dC/dw)^2`: no ground truth is needed. Derivatives are by the
+map's own parameters (log radius, logit opacity), chained *before* they are squared.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float32
+from numpy import ndarray
+
+from hgs_core.errors import MapError
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.native_backend import camera_numbers
+from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.geometry.se3 import SE3
+from hgs_core.native import kernels
+
+
+def accumulate_information(gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3) -> None:
+    """Add the information of one view to `gaussians.information` (H_train of Eq. 9).
+
+    `information_weight` grows by 1/z^2 for every Gaussian whose colour gained more than 1e-6.
+    """
+    size = gaussians.size
+    kernels.add_information(
+        gaussians.parameters[:size],
+        gaussians.block_bounds,
+        camera_numbers(intrinsics, T_world_camera),
+        intrinsics.width,
+        intrinsics.height,
+        gaussians.information[:size],
+        gaussians.information_weight[:size],
+    )
+    gaussians.version += 1
+
+
+def view_information(
+    gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+) -> Float32[ndarray, "size 8"]:
+    """The information that a view would hold about each parameter; changes nothing."""
+    information = np.zeros((gaussians.size, 8), np.float32)
+    kernels.add_information(
+        gaussians.parameters[: gaussians.size],
+        gaussians.block_bounds,
+        camera_numbers(intrinsics, T_world_camera),
+        intrinsics.width,
+        intrinsics.height,
+        information,
+        None,
+    )
+    return information
+
+
+def quality_image(
+    gaussians: GaussianMap,
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    prior_information: float,
+) -> Float32[ndarray, "height width"]:
+    """The rendered quality gain (HGS-Planner figure 4): per pixel, `sum (dC/dw)^2 / (H_train + prior)`.
+
+    Its sum over the image is `sum_i H_view,i / (H_train,i + prior)`, Eq. 9's gain of the view.
+    Raises `MapError` unless `prior_information` is positive.
+    """
+    if not prior_information > 0.0:
+        raise MapError(f"prior_information must be positive, got {prior_information}")
+    image = np.empty((intrinsics.height, intrinsics.width), np.float32)
+    kernels.quality_image(
+        gaussians.parameters[: gaussians.size],
+        gaussians.block_bounds,
+        camera_numbers(intrinsics, T_world_camera),
+        gaussians.information[: gaussians.size],
+        prior_information,
+        image,
+    )
+    return image

@@ -1,0 +1,72 @@
+"""The C++ rasteriser: every core, no GPU."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float32
+from numpy import ndarray
+
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.render import RenderedView
+from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.geometry.se3 import SE3
+from hgs_core.native import kernels
+
+
+class NativeBackend:
+    """Blocks outside the view cost one box test each; the rest of the work follows what is visible.
+
+    The result does not depend on the number of threads.
+    """
+
+    def forward(
+        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+    ) -> RenderedView:
+        shape = (intrinsics.height, intrinsics.width)
+        view = RenderedView(
+            colour_sum=np.empty((*shape, 3), np.float32),
+            depth_sum=np.empty(shape, np.float32),
+            silhouette=np.empty(shape, np.float32),
+        )
+        kernels.render_sums(
+            gaussians.parameters[: gaussians.size],
+            gaussians.block_bounds,
+            camera_numbers(intrinsics, T_world_camera),
+            view.colour_sum,
+            view.depth_sum,
+            view.silhouette,
+        )
+        return view
+
+    def backward(
+        self,
+        gaussians: GaussianMap,
+        intrinsics: CameraIntrinsics,
+        T_world_camera: SE3,
+        d_colour: Float32[ndarray, "height width 3"],
+        d_depth: Float32[ndarray, "height width"],
+        d_silhouette: Float32[ndarray, "height width"],
+    ) -> Float32[ndarray, "size 8"]:
+        gradient = np.zeros((gaussians.size, 8), np.float32)
+        kernels.render_gradient(
+            gaussians.parameters[: gaussians.size],
+            gaussians.block_bounds,
+            camera_numbers(intrinsics, T_world_camera),
+            np.ascontiguousarray(d_colour),
+            np.ascontiguousarray(d_depth),
+            np.ascontiguousarray(d_silhouette),
+            gradient,
+        )
+        return gradient
+
+
+def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[float]:
+    """What the kernels take as a camera: fx, fy, cx, cy, then the rows of T_camera_world (3 x 4)."""
+    world_to_camera = T_world_camera.inverse().as_matrix()[:3]
+    return [
+        intrinsics.fx,
+        intrinsics.fy,
+        intrinsics.cx,
+        intrinsics.cy,
+        *(float(number) for number in world_to_camera.ravel()),
+    ]

@@ -1,0 +1,112 @@
+"""One optimisation step of the map against one RGB-D view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+from numpy import ndarray
+from pydantic import Field
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.errors import MapError
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.native_backend import camera_numbers
+from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.geometry.se3 import SE3
+from hgs_core.native import kernels
+
+
+class LossWeights(StrictConfig):
+    """Weights of the terms of the loss, each a mean over the pixels with a depth."""
+
+    colour: float = Field(0.4, ge=0)
+    """Of |C/A - rgb|, mean of the three channels [1 per unit of colour]."""
+    depth: float = Field(1.0, ge=0)
+    """Of |D/A - depth| [1/m]."""
+    silhouette: float = Field(0.2, ge=0)
+    """Of 1 - A: a pixel with a depth shows a surface, so nothing may shine through."""
+
+
+class LearningRates(StrictConfig):
+    """Adam (Kingma and Ba 2015): step sizes by parameter, and its constants."""
+
+    centre: float = Field(2e-5, ge=0)
+    """Of the centre [m a step]."""
+    rgb: float = Field(2.5e-3, ge=0)
+    """Of the colour [1 a step]."""
+    log_radius: float = Field(3e-3, ge=0)
+    """Of the logarithm of the radius [1 a step]."""
+    logit_opacity: float = Field(0.05, ge=0)
+    """Of the logit of the opacity [1 a step]."""
+    beta1: float = Field(0.9, ge=0, lt=1)
+    """Decay of the first moment per step."""
+    beta2: float = Field(0.99, ge=0, lt=1)
+    """Decay of the second moment per step."""
+    epsilon: float = Field(1e-15, gt=0)
+    """Added to the root of the second moment."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptimisationLoss:
+    """What one step measured before it moved anything."""
+
+    total: float
+    """The loss that was differentiated."""
+    colour_l1: float
+    """|C/A - rgb|, mean over channels and covered pixels (A > 0.05, valid depth); 0 if there are none."""
+    depth_l1_m: float
+    """|D/A - depth| [m], mean over covered pixels; 0 if there are none."""
+    pixels: int
+    """Pixels with a valid depth. 0: nothing was compared and nothing moved."""
+    covered_pixels: int
+    """Of those, how many the map covers."""
+
+
+def optimise_step(
+    gaussians: GaussianMap,
+    rgb: UInt8[ndarray, "height width 3"],
+    depth_m: Float32[ndarray, "height width"],
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    *,
+    weights: LossWeights,
+    rates: LearningRates,
+    radius_limits_m: tuple[float, float] = (0.001, 0.3),
+) -> OptimisationLoss:
+    """Render, compare, differentiate and move: one Adam step of every Gaussian that got a gradient, in place.
+
+    Per pixel with `0 < depth < inf`, averaged over these pixels, and the first two only where A > 0.05:
+    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)`. Steps are counted per Gaussian. Radii are
+    kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves them. Raises `MapError` when
+    the images do not fit the camera.
+    """
+    shape = (intrinsics.height, intrinsics.width)
+    if rgb.shape[:2] != shape or depth_m.shape != shape:
+        raise MapError(f"the camera has {shape} pixels; rgb has {rgb.shape[:2]}, depth {depth_m.shape}")
+    lower_m, upper_m = radius_limits_m
+    if not 0.0 < lower_m < upper_m:
+        raise MapError(f"radius_limits_m must be 0 < lower < upper, got {radius_limits_m}")
+    size = gaussians.size
+    total, colour_l1, depth_l1_m, pixels, covered = kernels.optimise_view(
+        gaussians.parameters[:size],
+        gaussians.adam_first_moment[:size],
+        gaussians.adam_second_moment[:size],
+        gaussians.adam_steps[:size],
+        gaussians.block_bounds,
+        camera_numbers(intrinsics, T_world_camera),
+        np.ascontiguousarray(rgb),
+        np.ascontiguousarray(depth_m),
+        [weights.colour, weights.depth, weights.silhouette],
+        [*[rates.centre] * 3, *[rates.rgb] * 3, rates.log_radius, rates.logit_opacity],
+        rates.beta1,
+        rates.beta2,
+        rates.epsilon,
+        float(np.log(lower_m)),
+        float(np.log(upper_m)),
+    )
+    gaussians.version += 1
+    return OptimisationLoss(
+        total=total, colour_l1=colour_l1, depth_l1_m=depth_l1_m, pixels=pixels, covered_pixels=covered
+    )

@@ -1,0 +1,91 @@
+// Splatting of isotropic Gaussians on the CPU: what goes in, what comes out, and the table of entry points that
+// every instruction-set variant fills.
+//
+//   p = R c + t                      centre in the camera frame [m], z = p_z
+//   u = fx p_x / z + cx              screen position [px]; v likewise
+//   sigma^2 = (f r / z)^2 + 0.3      screen variance [px^2], f = sqrt(fx fy)
+//   a = o exp(-d^2 / (2 sigma^2))    d: distance from (u, v) to a pixel's centre, at integer + 0.5
+//   alpha = min(0.99, a), nothing below 1/255
+//   w_i = alpha_i T_i,  T_i = prod_{j < i} (1 - alpha_j), front to back by z, until T < 1e-4
+//   C = sum rgb_i w_i,  D = sum z_i w_i,  A = sum w_i = 1 - T
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+namespace hgs {
+
+inline constexpr int BLOCK = 256;       // rows that share one entry of `block_bounds`
+inline constexpr int N_PARAMETERS = 8;  // centre xyz, rgb, log radius, logit opacity
+inline constexpr float NEAR_M = 0.1f;
+inline constexpr float LOW_PASS_PX2 = 0.3f;
+inline constexpr float MIN_ALPHA = 1.0f / 255.0f;
+inline constexpr float MAX_ALPHA = 0.99f;
+inline constexpr float MIN_TRANSMITTANCE = 1e-4f;
+inline constexpr float MIN_COVERED = 0.05f;  // below this A, C/A and D/A say nothing and are not compared
+
+struct PinholeCamera {
+  float fx, fy, cx, cy;
+  int width, height;
+  float rotation[9];     // p_camera = rotation p_world + translation
+  float translation[3];
+};
+
+struct GaussianRows {
+  const float* parameters;    // (n, 8)
+  std::size_t n;
+  const float* block_bounds;  // (n_blocks, 6): lower, upper corner; contains centre -+ radius of every row
+};
+
+struct ImageSums {
+  float* colour;      // (h, w, 3)
+  float* depth;       // (h, w)
+  float* silhouette;  // (h, w)
+};
+
+struct ImageGradients {
+  const float* colour;      // (h, w, 3)
+  const float* depth;       // (h, w)
+  const float* silhouette;  // (h, w)
+};
+
+struct Target {
+  const std::uint8_t* rgb;  // (h, w, 3)
+  const float* depth;       // (h, w); 0 and +inf hold no measurement
+  float colour_weight, depth_weight, silhouette_weight;
+};
+
+struct AdamState {
+  float* parameters;     // (n, 8)
+  float* first_moment;   // (n, 8)
+  float* second_moment;  // (n, 8)
+  std::int32_t* steps;   // (n,)
+  float* block_bounds;   // (n_blocks, 6), widened where a row leaves them
+  float rates[N_PARAMETERS];
+  float beta1, beta2, epsilon;
+  float min_log_radius, max_log_radius;
+};
+
+struct LossSums {
+  double total = 0.0;         // the loss that was differentiated
+  double colour_l1 = 0.0;     // mean over covered pixels
+  double depth_l1_m = 0.0;    // mean over covered pixels
+  std::int64_t pixels = 0;    // with a valid depth
+  std::int64_t covered = 0;   // of those, with A > MIN_COVERED
+};
+
+struct RasteriseKernels {
+  const char* name;
+  void (*forward)(const GaussianRows&, const PinholeCamera&, const ImageSums&);
+  // Adds to `gradient` (n, 8).
+  void (*backward)(const GaussianRows&, const PinholeCamera&, const ImageGradients&, float* gradient);
+  LossSums (*optimise)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
+  // Adds to `information` (n, 8) and, unless null, 1 / z^2 to `weight` (n,) where the colours' grew by > 1e-6.
+  void (*information)(const GaussianRows&, const PinholeCamera&, float* information, float* weight);
+  void (*quality_image)(const GaussianRows&, const PinholeCamera&, const float* information, float prior, float* image);
+};
+
+// The variant chosen for this processor, or by HGS_KERNEL_VARIANT. Throws std::runtime_error when the
+// variable names one that does not exist or that the processor cannot run.
+const RasteriseKernels& rasterise_kernels();
+
+}  // namespace hgs

@@ -1,0 +1,183 @@
+// One radix sort of all splats by depth, then one stable counting sort into tiles: every tile's list is front to
+// back without a sort of its own, and the same for any number of threads.
+//
+// Pairs are counted three times by the same code; a fused multiply-add in one of them could round differently, so
+// this file is compiled with -ffp-contract=off.
+#include <omp.h>
+
+#include <algorithm>
+#include <bit>
+
+#include "rasterise_workspace.hpp"
+
+namespace hgs {
+namespace {
+
+constexpr int RADIX_BITS = 11;
+constexpr int RADIX = 1 << RADIX_BITS;
+
+// Order-preserving, 22 bits: steps of 4e-6 of the depth from the near plane to 6.5 km.
+inline std::uint32_t depth_key(float z) {
+  const std::uint32_t bits = std::bit_cast<std::uint32_t>(z) - std::bit_cast<std::uint32_t>(NEAR_M);
+  return std::min(bits >> 5, (1u << (2 * RADIX_BITS)) - 1);
+}
+
+// Calls visit(tile) for every tile that the disc of radius `reach` about (u, v) touches, row by row.
+template <class Visit>
+inline void for_each_tile(float u, float v, float reach, int tiles_x, int tiles_y, Visit&& visit) {
+  // Compared in floats first: a splat next to the camera may reach beyond what an int holds.
+  const float top = (v - reach - (TILE_H - 0.5f)) * (1.0f / TILE_H);
+  const float bottom = (v + reach - 0.5f) * (1.0f / TILE_H);
+  if (!(top <= tiles_y - 1) || !(bottom >= 0.0f)) return;
+  const int first_y = top <= 0.0f ? 0 : static_cast<int>(__builtin_ceilf(top));
+  const int last_y = bottom >= tiles_y - 1 ? tiles_y - 1 : static_cast<int>(bottom);
+  for (int ty = first_y; ty <= last_y; ++ty) {
+    const float above = ty * TILE_H + 0.5f - v;
+    const float below = v - (ty * TILE_H + TILE_H - 0.5f);
+    const float dy = above > 0.0f ? above : (below > 0.0f ? below : 0.0f);
+    const float chord2 = reach * reach - dy * dy;
+    if (!(chord2 >= 0.0f)) continue;
+    const float chord = __builtin_sqrtf(chord2);
+    const float left = (u - chord - (TILE_W - 0.5f)) * (1.0f / TILE_W);
+    const float right = (u + chord - 0.5f) * (1.0f / TILE_W);
+    if (!(left <= tiles_x - 1) || !(right >= 0.0f)) continue;
+    const int first_x = left <= 0.0f ? 0 : static_cast<int>(__builtin_ceilf(left));
+    const int last_x = right >= tiles_x - 1 ? tiles_x - 1 : static_cast<int>(right);
+    for (int tx = first_x; tx <= last_x; ++tx) visit(ty * tiles_x + tx);
+  }
+}
+
+struct Range {
+  std::size_t begin, end;
+};
+
+inline Range share(std::size_t count, int thread, int threads) {
+  return {count * thread / threads, count * (thread + 1) / threads};
+}
+
+// Numbers the pairs of each splat, and lists (depth, slot) of all splats.
+void list_keys(Workspace& workspace) {
+  const std::size_t n_blocks = workspace.n_visible_blocks;
+  const int tiles_x = workspace.tiles_x, tiles_y = workspace.tiles_y;
+  const std::uint32_t* block_splats = workspace.block_splats.get();
+  std::uint32_t* splats_before = workspace.splats_before.require(n_blocks + 1);
+  std::uint32_t* pairs_before = workspace.pairs_before.require(n_blocks + 1);
+  Splat* splats = workspace.splats.get();
+#pragma omp parallel for schedule(static)
+  for (std::size_t i = 0; i < n_blocks; ++i) {
+    std::uint32_t pairs = 0;
+    for (std::uint32_t rank = 0; rank < block_splats[i]; ++rank) {
+      Splat& splat = splats[i * BLOCK + rank];
+      splat.first_pair = pairs;
+      for_each_tile(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int) { ++pairs; });
+    }
+    pairs_before[i + 1] = pairs;
+  }
+  splats_before[0] = pairs_before[0] = 0;
+  for (std::size_t i = 0; i < n_blocks; ++i) {
+    splats_before[i + 1] = splats_before[i] + block_splats[i];
+    pairs_before[i + 1] += pairs_before[i];
+  }
+  workspace.n_splats = splats_before[n_blocks];
+  workspace.n_pairs = pairs_before[n_blocks];
+  std::uint64_t* keys = workspace.keys.require(workspace.n_splats);
+  workspace.keys_swap.require(workspace.n_splats);
+#pragma omp parallel for schedule(static)
+  for (std::size_t i = 0; i < n_blocks; ++i) {
+    for (std::uint32_t rank = 0; rank < block_splats[i]; ++rank) {
+      const std::uint32_t slot = static_cast<std::uint32_t>(i * BLOCK + rank);
+      splats[slot].first_pair += pairs_before[i];
+      keys[splats_before[i] + rank] = (std::uint64_t{depth_key(splats[slot].z)} << 32) | slot;
+    }
+  }
+}
+
+void sort_keys(Workspace& workspace) {
+  const std::size_t n = workspace.n_splats;
+  const int max_threads = omp_get_max_threads();
+  std::uint32_t* histograms = workspace.histograms.require(std::size_t{RADIX} * max_threads);
+  std::uint64_t* from = workspace.keys.get();
+  std::uint64_t* to = workspace.keys_swap.get();
+  for (int pass = 0; pass < 2; ++pass) {
+    const int shift = 32 + pass * RADIX_BITS;
+#pragma omp parallel
+    {
+      const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
+      const Range mine = share(n, thread, threads);
+      std::uint32_t* histogram = histograms + std::size_t{RADIX} * thread;
+      std::fill(histogram, histogram + RADIX, 0u);
+      for (std::size_t i = mine.begin; i < mine.end; ++i) ++histogram[(from[i] >> shift) & (RADIX - 1)];
+#pragma omp barrier
+#pragma omp single
+      {
+        std::uint32_t sum = 0;
+        for (int digit = 0; digit < RADIX; ++digit) {
+          for (int t = 0; t < threads; ++t) {
+            std::uint32_t& entry = histograms[std::size_t{RADIX} * t + digit];
+            const std::uint32_t count = entry;
+            entry = sum;
+            sum += count;
+          }
+        }
+      }
+      for (std::size_t i = mine.begin; i < mine.end; ++i) {
+        to[histogram[(from[i] >> shift) & (RADIX - 1)]++] = from[i];
+      }
+    }
+    std::swap(from, to);
+  }
+}
+
+void list_by_tile(Workspace& workspace) {
+  const std::size_t n = workspace.n_splats;
+  const int tiles_x = workspace.tiles_x, tiles_y = workspace.tiles_y;
+  const std::size_t n_tiles = std::size_t{1} * tiles_x * tiles_y;
+  const std::uint64_t* keys = workspace.keys.get();  // two passes: back where they started
+  const Splat* splats = workspace.splats.get();
+  std::uint32_t* tile_begin = workspace.tile_begin.require(n_tiles + 1);
+  std::uint32_t* counts = workspace.histograms.require(n_tiles * omp_get_max_threads());
+  TileEntry* entries = workspace.entries.require(workspace.n_pairs);
+#pragma omp parallel
+  {
+    const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
+    const Range mine = share(n, thread, threads);
+    std::uint32_t* next = counts + n_tiles * thread;
+    std::fill(next, next + n_tiles, 0u);
+    for (std::size_t i = mine.begin; i < mine.end; ++i) {
+      const Splat& splat = splats[static_cast<std::uint32_t>(keys[i])];
+      for_each_tile(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int tile) { ++next[tile]; });
+    }
+#pragma omp barrier
+#pragma omp single
+    {
+      std::uint32_t sum = 0;
+      for (std::size_t tile = 0; tile < n_tiles; ++tile) {
+        tile_begin[tile] = sum;
+        for (int t = 0; t < threads; ++t) {
+          std::uint32_t& entry = counts[n_tiles * t + tile];
+          const std::uint32_t count = entry;
+          entry = sum;
+          sum += count;
+        }
+      }
+      tile_begin[n_tiles] = sum;
+    }
+    for (std::size_t i = mine.begin; i < mine.end; ++i) {
+      const std::uint32_t slot = static_cast<std::uint32_t>(keys[i]);
+      const Splat& splat = splats[slot];
+      std::uint32_t pair = splat.first_pair;
+      for_each_tile(splat.u, splat.v, splat.reach, tiles_x, tiles_y,
+                    [&](int tile) { entries[next[tile]++] = {slot, pair++}; });
+    }
+  }
+}
+
+}  // namespace
+
+void bin_splats(Workspace& workspace) {
+  list_keys(workspace);
+  sort_keys(workspace);
+  list_by_tile(workspace);
+}
+
+}  // namespace hgs

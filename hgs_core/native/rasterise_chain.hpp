@@ -1,0 +1,161 @@
+// From sums over pixels to the eight parameters of a Gaussian, and Adam.
+// Included only by the variant files (see simd.hpp).
+//
+// With e = -d^2 / (2 sigma^2), k = 1 / (2 sigma^2) and s^2 = (f r / z)^2, by a parameter theta:
+//   de/dtheta = 2k dx du/dtheta + 2k dy dv/dtheta + 2k^2 d^2 ds^2/dtheta
+//   camera x:   du = fx / z                          camera y: dv = fy / z
+//   camera z:   du = -(u - cx) / z, dv = -(v - cy) / z, ds^2 = -2 s^2 / z
+//   log radius: ds^2 = 2 s^2                         logit opacity: dlog(a) = 1 - o
+// A centre in the world: camera coordinates = R c + t, so its derivatives are R^T of those.
+#pragma once
+#include "rasterise_sweeps.hpp"
+
+namespace hgs::HGS_VARIANT {
+
+// Coefficients of (dx, dy, d^2) in de/dtheta, for theta = world x, y, z and log radius.
+struct ExponentSlopes {
+  float centre[3][3];
+  float log_radius;  // of d^2 alone
+};
+
+HGS_INLINE ExponentSlopes exponent_slopes(const Splat& splat, const PinholeCamera& camera) {
+  const float k = splat.falloff * 0.69314718f;
+  const float two_k = 2.0f * k, inverse_z = 1.0f / splat.z;
+  const float by_x = two_k * camera.fx * inverse_z, by_y = two_k * camera.fy * inverse_z;
+  const float by_variance = two_k * k * 2.0f * splat.own_variance;
+  const float z_dx = -two_k * (splat.u - camera.cx) * inverse_z;
+  const float z_dy = -two_k * (splat.v - camera.cy) * inverse_z;
+  const float z_d2 = -by_variance * inverse_z;
+  const float* R = camera.rotation;
+  ExponentSlopes slopes;
+  for (int j = 0; j < 3; ++j) {
+    slopes.centre[j][0] = R[j] * by_x + R[6 + j] * z_dx;
+    slopes.centre[j][1] = R[3 + j] * by_y + R[6 + j] * z_dy;
+    slopes.centre[j][2] = R[6 + j] * z_d2;
+  }
+  slopes.log_radius = by_variance;
+  return slopes;
+}
+
+// The splat's eight sums over all its tiles.
+HGS_INLINE void gather(const float* pair_sums, std::uint32_t begin, std::uint32_t end, float* sums) {
+  VFloat8 total = {};
+  for (std::uint32_t pair = begin; pair < end; ++pair) {
+    total += *reinterpret_cast<const VFloat8*>(pair_sums + 8 * std::size_t{pair});
+  }
+  *reinterpret_cast<VFloat8*>(sums) = total;
+}
+
+HGS_INLINE std::uint32_t end_of_pairs(const Workspace& workspace, std::size_t block, std::uint32_t rank) {
+  const bool last = rank + 1 == workspace.block_splats.get()[block];
+  return last ? workspace.pairs_before.get()[block + 1] : workspace.splats.get()[block * BLOCK + rank + 1].first_pair;
+}
+
+// Calls visit(splat, sums, slot) for every splat, in map order; a block is visited by one thread.
+template <class BeginBlock, class Visit, class EndBlock>
+HGS_INLINE void for_each_splat(const Workspace& workspace, BeginBlock&& begin_block, Visit&& visit,
+                               EndBlock&& end_block) {
+  const Splat* splats = workspace.splats.get();
+  const float* pair_sums = workspace.pair_sums.get();
+#pragma omp parallel
+  {
+    const FlushDenormals flush;
+#pragma omp for schedule(dynamic, 8)
+    for (std::size_t block = 0; block < workspace.n_visible_blocks; ++block) {
+      auto state = begin_block(block);
+      for (std::uint32_t rank = 0; rank < workspace.block_splats.get()[block]; ++rank) {
+        const Splat& splat = splats[block * BLOCK + rank];
+        alignas(32) float sums[8];
+        gather(pair_sums, splat.first_pair, end_of_pairs(workspace, block, rank), sums);
+        visit(splat, sums, state);
+      }
+      end_block(block, state);
+    }
+  }
+}
+
+struct Nothing {};
+
+HGS_INLINE void chain_gradient(const Splat& splat, const PinholeCamera& camera, const float* sums, float* gradient) {
+  const ExponentSlopes slopes = exponent_slopes(splat, camera);
+  for (int j = 0; j < 3; ++j) {
+    const float* c = slopes.centre[j];
+    gradient[j] = c[0] * sums[SUM_P_DX] + c[1] * sums[SUM_P_DY] + c[2] * sums[SUM_P_D2] +
+                  camera.rotation[6 + j] * sums[SUM_Z];
+  }
+  gradient[3] = sums[SUM_R];
+  gradient[4] = sums[SUM_G];
+  gradient[5] = sums[SUM_B];
+  gradient[6] = slopes.log_radius * sums[SUM_P_D2];
+  gradient[7] = (1.0f - splat.opacity) * sums[SUM_P];
+}
+
+static void add_gradients(const Workspace& workspace, const PinholeCamera& camera, float* gradients) {
+  for_each_splat(
+      workspace, [](std::size_t) { return Nothing{}; },
+      [&](const Splat& splat, const float* sums, Nothing&) {
+        float gradient[8];
+        chain_gradient(splat, camera, sums, gradient);
+        float* out = gradients + N_PARAMETERS * std::size_t{splat.row};
+        for (int k = 0; k < 8; ++k) out[k] += gradient[k];
+      },
+      [](std::size_t, Nothing&) {});
+}
+
+// E (a . (dx, dy, d^2))^2 summed, from the moments of E.
+HGS_INLINE float quadratic(const float* a, const float* sums) {
+  const float value = a[0] * a[0] * sums[SUM_E_XX] + a[1] * a[1] * sums[SUM_E_YY] + a[2] * a[2] * sums[SUM_E_DD] +
+                      2.0f * (a[0] * a[1] * sums[SUM_E_XY] + a[0] * a[2] * sums[SUM_E_XD] + a[1] * a[2] * sums[SUM_E_YD]);
+  return value > 0.0f ? value : 0.0f;  // rounding of a difference that is no less than 0
+}
+
+static void add_information(const Workspace& workspace, const PinholeCamera& camera, float* information,
+                            float* weight) {
+  for_each_splat(
+      workspace, [](std::size_t) { return Nothing{}; },
+      [&](const Splat& splat, const float* sums, Nothing&) {
+        const ExponentSlopes slopes = exponent_slopes(splat, camera);
+        float* H = information + N_PARAMETERS * std::size_t{splat.row};
+        for (int j = 0; j < 3; ++j) {
+          H[j] += quadratic(slopes.centre[j], sums);
+          H[3 + j] += sums[SUM_W2];
+        }
+        H[6] += slopes.log_radius * slopes.log_radius * sums[SUM_E_DD];
+        H[7] += (1.0f - splat.opacity) * (1.0f - splat.opacity) * sums[SUM_E];
+        if (weight != nullptr && sums[SUM_W2] > 1e-6f) weight[splat.row] += 1.0f / (splat.z * splat.z);
+      },
+      [](std::size_t, Nothing&) {});
+}
+
+// Per slot, the form whose value at a pixel is sum_k (dC/dw_k)^2 / (H_k + prior): see sweep_quality.
+static void quality_coefficients(Workspace& workspace, const PinholeCamera& camera, const float* information,
+                                 float prior) {
+  float* coefficients = workspace.slot_coefficients.require(workspace.n_visible_blocks * BLOCK * 8);
+  const Splat* splats = workspace.splats.get();
+#pragma omp parallel for schedule(dynamic, 8)
+  for (std::size_t block = 0; block < workspace.n_visible_blocks; ++block) {
+    for (std::uint32_t rank = 0; rank < workspace.block_splats.get()[block]; ++rank) {
+      const std::size_t slot = block * BLOCK + rank;
+      const Splat& splat = splats[slot];
+      const ExponentSlopes slopes = exponent_slopes(splat, camera);
+      const float* H = information + N_PARAMETERS * std::size_t{splat.row};
+      float* c = coefficients + 8 * slot;
+      for (int k = 0; k < 8; ++k) c[k] = 0.0f;
+      for (int j = 0; j < 3; ++j) {
+        const float* a = slopes.centre[j];
+        const float share = 1.0f / (H[j] + prior);
+        c[SUM_E_XX] += share * a[0] * a[0];
+        c[SUM_E_XY] += share * 2.0f * a[0] * a[1];
+        c[SUM_E_YY] += share * a[1] * a[1];
+        c[SUM_E_XD] += share * 2.0f * a[0] * a[2];
+        c[SUM_E_YD] += share * 2.0f * a[1] * a[2];
+        c[SUM_E_DD] += share * a[2] * a[2];
+        c[SUM_W2] += 1.0f / (H[3 + j] + prior);
+      }
+      c[SUM_E_DD] += slopes.log_radius * slopes.log_radius / (H[6] + prior);
+      c[SUM_E] = (1.0f - splat.opacity) * (1.0f - splat.opacity) / (H[7] + prior);
+    }
+  }
+}
+
+}  // namespace hgs::HGS_VARIANT

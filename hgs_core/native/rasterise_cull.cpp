@@ -1,0 +1,69 @@
+// Frustum test of whole blocks of Gaussians.
+//
+// A block's bounds contain centre -+ radius of each of its rows, so no radius in it is more than half its shortest
+// edge. A splat reaches at most sqrt(2 ln 255) < 3.34 standard deviations; with sigma^2 = (f r / z)^2 + 0.3 that is
+// at most 3.34 (f r / z + 0.55) pixels: bounds grown by 3.34 radii against an image grown by 1.84 pixels.
+#include <cmath>
+
+#include "rasterise_workspace.hpp"
+
+namespace hgs {
+
+void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace) {
+  constexpr float REACH = 3.34f;
+  const std::size_t n_blocks = (gaussians.n + BLOCK - 1) / BLOCK;
+  std::uint32_t* visible = workspace.visible_blocks.require(n_blocks);
+  const float margin_px = REACH * std::sqrt(LOW_PASS_PX2) + 0.01f;
+  const float f = std::sqrt(camera.fx * camera.fy);
+
+  // Half-spaces n . p + offset z-wise: p is inside when n . p >= 0; all but the near plane pass through the camera.
+  const float planes[4][3] = {
+      {camera.fx, 0.0f, camera.cx + margin_px},
+      {-camera.fx, 0.0f, camera.width - camera.cx + margin_px},
+      {0.0f, camera.fy, camera.cy + margin_px},
+      {0.0f, -camera.fy, camera.height - camera.cy + margin_px},
+  };
+  float normals[4][3];  // in the world frame
+  float offsets[4];
+  for (int k = 0; k < 4; ++k) {
+    for (int j = 0; j < 3; ++j) {
+      normals[k][j] = 0.0f;
+      for (int i = 0; i < 3; ++i) normals[k][j] += planes[k][i] * camera.rotation[3 * i + j];
+    }
+    offsets[k] = 0.0f;
+    for (int i = 0; i < 3; ++i) offsets[k] += planes[k][i] * camera.translation[i];
+  }
+  const float* forward = camera.rotation + 6;
+
+  std::size_t n_visible = 0;
+  for (std::size_t block = 0; block < n_blocks; ++block) {
+    const float* bounds = gaussians.block_bounds + 6 * block;
+    float centre[3], half[3];
+    float shortest = INFINITY;
+    for (int j = 0; j < 3; ++j) {
+      centre[j] = 0.5f * (bounds[j] + bounds[3 + j]);
+      half[j] = 0.5f * (bounds[3 + j] - bounds[j]);
+      shortest = std::fmin(shortest, half[j]);
+    }
+    float depth = camera.translation[2], depth_extent = 0.0f;
+    for (int j = 0; j < 3; ++j) {
+      depth += forward[j] * centre[j];
+      depth_extent += std::fabs(forward[j]) * half[j];
+    }
+    bool inside = depth + depth_extent > NEAR_M - 1e-4f;
+    // A splat's reach f r / z in pixels is r along x or y in the camera, times f in units of n . p.
+    const float reach = REACH * shortest * f;
+    for (int k = 0; inside && k < 4; ++k) {
+      float distance = offsets[k], extent = 0.0f;
+      for (int j = 0; j < 3; ++j) {
+        distance += normals[k][j] * centre[j];
+        extent += std::fabs(normals[k][j]) * half[j];
+      }
+      inside = distance + extent + reach + 1e-3f >= 0.0f;
+    }
+    if (inside) visible[n_visible++] = static_cast<std::uint32_t>(block);
+  }
+  workspace.n_visible_blocks = n_visible;
+}
+
+}  // namespace hgs

@@ -1,0 +1,106 @@
+// Scratch memory of one rasterisation. Kept between calls: the pages of fresh buffers would cost more than the
+// work done in them.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <new>
+
+#include "rasterise.hpp"
+
+namespace hgs {
+
+inline constexpr int TILE_W = 16;
+inline constexpr int TILE_H = 16;
+
+// A buffer that only grows and does not keep its content when it does. The caller asks for a size on every use.
+template <class T>
+class Scratch {
+ public:
+  Scratch() = default;
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  ~Scratch() { std::free(data_); }
+
+  // Always inlined: the variants are compiled with instructions that the shared copy must not contain.
+  [[gnu::always_inline]] T* require(std::size_t count) {
+    if (count > capacity_) {
+      std::free(data_);
+      data_ = nullptr;
+      capacity_ = 0;
+      const std::size_t wanted = count + count / 4 + 64;
+      const std::size_t bytes = (wanted * sizeof(T) + 127) / 64 * 64;
+      data_ = static_cast<T*>(std::aligned_alloc(64, bytes));
+      if (data_ == nullptr) throw std::bad_alloc();
+      capacity_ = wanted;
+    }
+    return data_;
+  }
+  [[gnu::always_inline]] T* get() const { return data_; }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t capacity_ = 0;
+};
+
+// A Gaussian on the screen.
+struct Splat {
+  float u, v;              // [px]
+  float falloff;           // log2(e) / (2 sigma^2): a = opacity * 2^(-falloff d^2)
+  float opacity;
+  float r, g, b;
+  float z;                 // [m]
+  float reach;             // where a falls below 1/255 [px], rounded up
+  float own_variance;      // (f r / z)^2 [px^2]
+  std::uint32_t row;       // in the map
+  std::uint32_t first_pair;  // its tiles are pairs first_pair .. first_pair + (number of its tiles)
+};
+
+// A splat in a tile; `pair` numbers all pairs of a splat one after another.
+struct TileEntry {
+  std::uint32_t slot;
+  std::uint32_t pair;
+};
+
+struct Workspace {
+  // Splats lie in slots: slot = 256 * (index of the visible block) + rank within it.
+  std::size_t n_visible_blocks = 0;
+  std::size_t n_splats = 0;
+  std::size_t n_pairs = 0;
+  int tiles_x = 0, tiles_y = 0;
+  Scratch<std::uint32_t> visible_blocks;
+  Scratch<std::uint32_t> block_splats;  // splats of each visible block
+  Scratch<std::uint32_t> splats_before;  // prefix sums over the visible blocks
+  Scratch<std::uint32_t> pairs_before;
+  Scratch<Splat> splats;
+  Scratch<std::uint64_t> keys, keys_swap;  // (depth key << 32) | slot
+  Scratch<std::uint32_t> histograms;
+  Scratch<std::uint32_t> tile_begin;  // (n_tiles + 1)
+  Scratch<TileEntry> entries;         // grouped by tile, front to back in each
+  Scratch<float> pair_sums;           // (n_pairs, 8): what a second sweep adds up per pair
+  Scratch<float> slot_coefficients;   // (slots, 8)
+  Scratch<double> tile_losses;        // (n_tiles, 4)
+  Scratch<float> bias_corrections;    // Adam's, by step: (steps, 2)
+};
+
+// Takes a workspace from a pool, gives it back at the end of the scope.
+class WorkspaceLease {
+ public:
+  WorkspaceLease();
+  ~WorkspaceLease();
+  WorkspaceLease(const WorkspaceLease&) = delete;
+  WorkspaceLease& operator=(const WorkspaceLease&) = delete;
+  Workspace& operator*() const { return *workspace_; }
+
+ private:
+  Workspace* workspace_;
+};
+
+// Fills `visible_blocks`: those whose bounds may reach into the image.
+void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace);
+
+// Sorts the splats by depth and lists them by tile (`tile_begin`, `entries`). Needs `splats`, `block_splats` and
+// the number of tiles; sets `Splat::first_pair`.
+void bin_splats(Workspace& workspace);
+
+}  // namespace hgs

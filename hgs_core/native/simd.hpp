@@ -1,0 +1,149 @@
+// Vectors of floats by compiler extensions: one source, compiled once per instruction set into its own namespace.
+//
+// Included only by the variant files, which set HGS_VARIANT. Nothing here may call an inline function of the
+// standard library: the linker keeps one copy of each, and it could be the one that this processor cannot run.
+#pragma once
+#include <cstdint>
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#elif defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+namespace hgs::HGS_VARIANT {
+
+#if defined(__AVX512F__)
+inline constexpr int LANES = 16;
+#elif defined(__AVX2__)
+inline constexpr int LANES = 8;
+#else
+inline constexpr int LANES = 4;
+#endif
+
+typedef float VFloat __attribute__((vector_size(4 * LANES)));
+typedef std::int32_t VInt __attribute__((vector_size(4 * LANES)));
+typedef float VFloat8 __attribute__((vector_size(32), aligned(4), may_alias));
+typedef float VFloatMemory __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+
+#define HGS_INLINE inline __attribute__((always_inline))
+#define HGS_LAMBDA __attribute__((always_inline))
+
+HGS_INLINE VFloat load(const float* p) { return *reinterpret_cast<const VFloatMemory*>(p); }
+HGS_INLINE void store(float* p, VFloat v) { *reinterpret_cast<VFloatMemory*>(p) = v; }
+HGS_INLINE VFloat splat_all(float s) { return s - VFloat{}; }
+
+HGS_INLINE VFloat vmin(VFloat a, VFloat b) {
+#if defined(__AVX512F__)
+  return _mm512_min_ps(a, b);
+#elif defined(__AVX2__)
+  return _mm256_min_ps(a, b);
+#else
+  return a < b ? a : b;
+#endif
+}
+
+HGS_INLINE VFloat vmax(VFloat a, VFloat b) {
+#if defined(__AVX512F__)
+  return _mm512_max_ps(a, b);
+#elif defined(__AVX2__)
+  return _mm256_max_ps(a, b);
+#else
+  return a > b ? a : b;
+#endif
+}
+
+HGS_INLINE VFloat vsqrt(VFloat a) {
+#if defined(__AVX512F__)
+  return _mm512_sqrt_ps(a);
+#elif defined(__AVX2__)
+  return _mm256_sqrt_ps(a);
+#else
+  VFloat root{};
+  for (int i = 0; i < LANES; ++i) root[i] = __builtin_sqrtf(a[i]);
+  return root;
+#endif
+}
+
+HGS_INLINE bool any(VInt mask) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask) != 0;
+#elif defined(__AVX2__)
+  return _mm256_movemask_ps((__m256)mask) != 0;
+#else
+  std::int32_t either = 0;
+  for (int i = 0; i < LANES; ++i) either |= mask[i];
+  return either != 0;
+#endif
+}
+
+// 2^x, relative error below 2e-7; x is clamped to [-126, 126].
+HGS_INLINE VFloat vexp2(VFloat x) {
+  x = vmax(vmin(x, splat_all(126.0f)), splat_all(-126.0f));
+  const VFloat shifted = x + 12582912.0f;  // 1.5 * 2^23: the integer part lands in the low bits
+  const VFloat f = x - (shifted - 12582912.0f);
+  VFloat p = f * 1.5403530e-4f + 1.3333558e-3f;
+  p = p * f + 9.6181291e-3f;
+  p = p * f + 5.5504109e-2f;
+  p = p * f + 2.4022651e-1f;
+  p = p * f + 6.9314718e-1f;
+  p = p * f + 1.0f;
+  const VInt exponent = (VInt)shifted << 23;
+  return (VFloat)((VInt)p + exponent);
+}
+
+HGS_INLINE VFloat vexp(VFloat x) { return vexp2(x * 1.44269504f); }
+
+// log2(x) for positive normal x, absolute error below 2e-4: for bounds, not for values.
+HGS_INLINE VFloat vlog2_rough(VFloat x) {
+  const VInt bits = (VInt)x;
+  const VInt exponent = (bits >> 23) - 127;
+  const VFloat m = (VFloat)((bits & 0x7fffff) | 0x3f800000);  // [1, 2)
+  const VFloat t = (m - 1.0f) / (m + 1.0f);                   // log2 m = 2/ln2 (t + t^3/3 + t^5/5 + ...), t < 1/3
+  const VFloat t2 = t * t;
+  const VFloat series = t * (2.8853901f + t2 * (0.9617967f + t2 * (0.5770780f + t2 * 0.4121986f)));
+  return __builtin_convertvector(exponent, VFloat) + series;
+}
+
+// out[k] = sum of the lanes of v[k].
+HGS_INLINE void sum_lanes_of_8(const VFloat v[8], float* out) {
+#if defined(__AVX2__)
+  __m256 h[8];
+  for (int k = 0; k < 8; ++k) {
+#if defined(__AVX512F__)
+    h[k] = _mm256_add_ps(_mm512_castps512_ps256(v[k]),
+                         _mm256_castpd_ps(_mm512_extractf64x4_pd(_mm512_castps_pd(v[k]), 1)));
+#else
+    h[k] = v[k];
+#endif
+  }
+  const __m256 a = _mm256_hadd_ps(_mm256_hadd_ps(h[0], h[1]), _mm256_hadd_ps(h[2], h[3]));
+  const __m256 b = _mm256_hadd_ps(_mm256_hadd_ps(h[4], h[5]), _mm256_hadd_ps(h[6], h[7]));
+  const __m256 low = _mm256_permute2f128_ps(a, b, 0x20);
+  const __m256 high = _mm256_permute2f128_ps(a, b, 0x31);
+  _mm256_storeu_ps(out, _mm256_add_ps(low, high));
+#else
+  for (int k = 0; k < 8; ++k) {
+    float sum = 0.0f;
+    for (int i = 0; i < LANES; ++i) sum += v[k][i];
+    out[k] = sum;
+  }
+#endif
+}
+
+// Denormals become zero while it lives (they slow the arithmetic a hundredfold and mean nothing here).
+class FlushDenormals {
+ public:
+#if defined(__SSE2__)
+  FlushDenormals() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | 0x8040); }
+  ~FlushDenormals() { _mm_setcsr(saved_); }
+
+ private:
+  unsigned saved_;
+#else
+  FlushDenormals() {}
+  ~FlushDenormals() {}
+#endif
+};
+
+}  // namespace hgs::HGS_VARIANT

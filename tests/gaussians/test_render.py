@@ -1,0 +1,204 @@
+"""The native rasteriser against the written-down model, and laws that both must keep."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hgs_core.errors import ConfigError
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.native_backend import NativeBackend
+from hgs_core.gaussians.render import render
+from hgs_core.gaussians.torch_backend import TorchBackend
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.geometry.se3 import SE3
+from hgs_core.native import kernels
+
+CAMERA = CameraIntrinsics(width=53, height=37, fx=40.0, fy=44.0, cx=25.0, cy=19.5)  # no multiple of a tile
+POSE = level_camera_pose(0.3, -0.2, 1.0, 0.7) @ SE3.exp(np.array([0.0, 0.0, 0.0, 0.1, -0.05, 0.2]))
+
+
+def scene(n: int, seed: int, *, radius_m: float = 0.1) -> GaussianMap:
+    """Random Gaussians in front of, beside and behind `POSE`; no two depths nearly equal."""
+    rng = np.random.default_rng(seed)
+    depth = np.linspace(-0.5, 5.0, n) + rng.uniform(0.1, 0.4, n) * 5.5 / n
+    spread = rng.uniform(-1.2, 1.2, (n, 2)) * np.abs(depth)[:, None]
+    centres = POSE.apply(np.column_stack([spread, depth]))
+    order = rng.permutation(n)
+    parameters = np.column_stack(
+        [
+            centres,
+            rng.uniform(0.0, 1.0, (n, 3)),
+            np.log(radius_m) + rng.normal(0.0, 0.6, n),
+            rng.normal(0.5, 2.5, n),
+        ]
+    )
+    gaussians = GaussianMap()
+    gaussians.append(parameters[order].astype(np.float32), anchor_keyframe=0)
+    return gaussians
+
+
+def one(x: float, y: float, z: float, *, radius_m: float, logit: float) -> GaussianMap:
+    gaussians = GaussianMap()
+    row = np.array([[x, y, z, 0.8, 0.4, 0.2, np.log(radius_m), logit]], np.float32)
+    gaussians.append(row, anchor_keyframe=0)
+    return gaussians
+
+
+@pytest.mark.parametrize("n", [1, 40, 300, 700])
+def test_native_draws_what_the_reference_draws(n: int) -> None:
+    gaussians = scene(n, seed=n)
+    native, reference = render(gaussians, CAMERA, POSE), render(gaussians, CAMERA, POSE, backend="torch")
+    np.testing.assert_allclose(native.colour_sum, reference.colour_sum, atol=2e-5)
+    np.testing.assert_allclose(native.depth_sum, reference.depth_sum, atol=1e-4)
+    np.testing.assert_allclose(native.silhouette, reference.silhouette, atol=2e-5)
+    assert reference.silhouette.max() > 0.1 or n == 1
+
+
+@pytest.mark.parametrize("n", [40, 300, 700])
+def test_native_gradient_is_autograds(n: int) -> None:
+    gaussians = scene(n, seed=n)
+    rng = np.random.default_rng(5)
+    shape = (CAMERA.height, CAMERA.width)
+    incoming = (
+        rng.normal(size=(*shape, 3)).astype(np.float32),
+        rng.normal(size=shape).astype(np.float32),
+        rng.normal(size=shape).astype(np.float32),
+    )
+    native = NativeBackend().backward(gaussians, CAMERA, POSE, *incoming)
+    reference = TorchBackend().backward(gaussians, CAMERA, POSE, *incoming)
+    scale = np.abs(reference).max(axis=0)
+    np.testing.assert_allclose(native / scale, reference / scale, atol=2e-5)
+    assert np.count_nonzero(reference.any(axis=1)) >= 15
+
+
+def test_reference_gradient_is_the_numeric_one() -> None:
+    gaussians = scene(12, seed=3)
+    shape = (CAMERA.height, CAMERA.width)
+    ones = np.ones((*shape, 3), np.float32), np.ones(shape, np.float32), np.ones(shape, np.float32)
+    gradient = TorchBackend().backward(gaussians, CAMERA, POSE, *ones)
+
+    def total() -> float:
+        view = TorchBackend().forward(gaussians, CAMERA, POSE)
+        return float(
+            view.colour_sum.sum(dtype=float)
+            + view.depth_sum.sum(dtype=float)
+            + view.silhouette.sum(dtype=float)
+        )
+
+    step = np.float32(1e-3)
+    row = int(np.argmax(np.abs(gradient[:, 3])))
+    for column in (3, 4, 5):  # the sums are linear in the colours: any step is exact
+        before = total()
+        gaussians.parameters[row, column] += step
+        assert (total() - before) / step == pytest.approx(gradient[row, column], rel=2e-2)
+
+
+def test_one_gaussian_by_hand() -> None:
+    """r = 0.1 m at 2 m and f = 100 px: sigma^2 = 25.3. At the pixel whose centre the Gaussian hits, alpha is its
+    opacity 0.5; three pixels to the side it is 0.5 exp(-9 / 50.6)."""
+    camera = CameraIntrinsics(width=31, height=31, fx=100.0, fy=100.0, cx=15.5, cy=15.5)
+    view = render(one(0.0, 0.0, 2.0, radius_m=0.1, logit=0.0), camera, SE3.identity())
+    assert view.silhouette[15, 15] == pytest.approx(0.5, abs=1e-6)
+    assert view.silhouette[15, 18] == pytest.approx(0.5 * np.exp(-9.0 / 50.6), abs=1e-6)
+    np.testing.assert_allclose(view.colour_sum[15, 15], [0.4, 0.2, 0.1], atol=1e-6)
+    np.testing.assert_allclose(view.colour[15, 18], [0.8, 0.4, 0.2], atol=1e-6)
+    assert view.depth_sum[15, 15] == pytest.approx(1.0, abs=1e-6)
+    assert view.depth_m[15, 15] == pytest.approx(2.0, abs=1e-5)
+    assert view.silhouette[0, 0] == 0.0  # 450 px^2 away: 0.5 exp(-8.9) < 1/255
+    assert view.depth_m[0, 0] == 0.0
+    assert not view.colour[0, 0].any()
+
+
+def test_the_nearer_of_two_hides_the_farther_whatever_their_order() -> None:
+    camera = CameraIntrinsics(width=9, height=9, fx=50.0, fy=50.0, cx=4.5, cy=4.5)
+    near = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, np.log(0.5), 20.0]
+    far = [0.0, 0.0, 2.0, 0.0, 1.0, 0.0, np.log(0.5), 20.0]
+    for rows in ([near, far], [far, near]):
+        gaussians = GaussianMap()
+        gaussians.append(np.array(rows, np.float32), anchor_keyframe=0)
+        view = render(gaussians, camera, SE3.identity())
+        np.testing.assert_allclose(view.colour_sum[4, 4], [0.99, 0.01 * 0.99, 0.0], atol=1e-6)
+        assert view.silhouette[4, 4] == pytest.approx(0.9999, abs=1e-6)
+
+
+def test_nothing_is_drawn_from_an_empty_map_or_behind_the_near_plane() -> None:
+    for gaussians in (
+        GaussianMap(),
+        one(0.0, 0.0, 0.09, radius_m=0.1, logit=3.0),
+        one(0.0, 0.0, -2.0, radius_m=0.1, logit=3.0),
+    ):
+        view = render(gaussians, CAMERA, SE3.identity())
+        assert not view.silhouette.any()
+        assert not view.colour_sum.any()
+        assert not view.depth_sum.any()
+
+
+def test_a_splat_next_to_the_camera_covers_the_whole_picture() -> None:
+    camera = CameraIntrinsics.centred(200, 120, 100.0)
+    view = render(one(0.0, 0.0, 0.101, radius_m=5.0, logit=20.0), camera, SE3.identity())
+    np.testing.assert_allclose(view.silhouette, 0.99, atol=1e-3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), yaw=st.floats(-3.1, 3.1))
+def test_sums_are_bounded_and_culling_changes_nothing(seed: int, yaw: float) -> None:
+    """Any view: 0 <= A <= 1, C within A times the brightest colour; a map of one-row blocks' worth of bounds
+    (one block here, so bounds are loose) draws as the reference does from every side."""
+    gaussians = scene(60, seed)
+    pose = level_camera_pose(0.3, -0.2, 1.0, yaw)
+    view = render(gaussians, CAMERA, pose)
+    assert view.silhouette.min() >= 0.0
+    assert view.silhouette.max() <= 1.0
+    assert np.all(view.colour_sum <= view.silhouette[..., None] + 1e-5)
+    reference = render(gaussians, CAMERA, pose, backend="torch")
+    np.testing.assert_allclose(view.silhouette, reference.silhouette, atol=5e-5)
+
+
+def test_block_culling_drops_only_what_cannot_be_seen() -> None:
+    """Compact blocks all round the camera: with real bounds and with bounds that hold everything, the same picture."""
+    rng = np.random.default_rng(8)
+    gaussians = GaussianMap()
+    for azimuth in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        middle = POSE.translation + 2.0 * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        rows = np.empty((256, 8), np.float32)
+        rows[:, :3] = middle + rng.normal(0.0, 0.1, (256, 3))
+        rows[:, 3:6] = rng.uniform(0.0, 1.0, (256, 3))
+        rows[:, 6] = np.log(0.05)
+        rows[:, 7] = 1.0
+        gaussians.append(rows, anchor_keyframe=0)
+    culled = render(gaussians, CAMERA, POSE)
+    gaussians.block_bounds = np.tile(np.array([-99, -99, -99, 99, 99, 99], np.float32), (24, 1))
+    everything = render(gaussians, CAMERA, POSE)
+    np.testing.assert_array_equal(culled.colour_sum, everything.colour_sum)
+    np.testing.assert_array_equal(culled.depth_sum, everything.depth_sum)
+    assert culled.silhouette.max() > 0.9
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    gaussians = scene(700, seed=1)
+    shape = (CAMERA.height, CAMERA.width)
+    incoming = np.ones((*shape, 3), np.float32), np.ones(shape, np.float32), np.ones(shape, np.float32)
+    threads = kernels.threads()
+    try:
+        kernels.set_threads(1)
+        view_1, gradient_1 = (
+            render(gaussians, CAMERA, POSE),
+            NativeBackend().backward(gaussians, CAMERA, POSE, *incoming),
+        )
+        kernels.set_threads(3)
+        view_3, gradient_3 = (
+            render(gaussians, CAMERA, POSE),
+            NativeBackend().backward(gaussians, CAMERA, POSE, *incoming),
+        )
+    finally:
+        kernels.set_threads(threads)
+    np.testing.assert_array_equal(view_1.colour_sum, view_3.colour_sum)
+    np.testing.assert_array_equal(gradient_1, gradient_3)
+
+
+def test_an_unknown_backend_is_told_what_there_is() -> None:
+    with pytest.raises(ConfigError, match="'cuda'.*native, torch"):
+        render(GaussianMap(), CAMERA, POSE, backend="cuda")
