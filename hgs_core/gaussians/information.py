@@ -1,8 +1,8 @@
 """Diagonal Fisher information of the map (HGS-Planner Eq. 5-9, after FisherRF).
 
-A rendered colour is a measurement with noise of unit variance, so the information that one view holds about a
-parameter w is `H = sum over pixels and channels of (dC/dw)^2`: no ground truth is needed. Derivatives are by the
-map's own parameters (log radius, logit opacity), chained *before* they are squared.
+A rendered colour is a measurement with noise of unit variance, so the information that one view holds about
+a parameter w is `H = sum over pixels and channels of (dC/dw)^2`: no ground truth is needed. Derivatives are
+by the map's own parameters (log radius, logit opacity), chained *before* they are squared.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Float32
 from numpy import ndarray
 
+import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.native_backend import camera_numbers
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
-from hgs_core.native import kernels
 
 
 def accumulate_information(gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3) -> None:

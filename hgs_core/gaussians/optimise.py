@@ -9,13 +9,13 @@ from jaxtyping import Float32, UInt8
 from numpy import ndarray
 from pydantic import Field
 
+import hgs_core.native.kernels as kernels
 from hgs_core.config.base import StrictConfig
 from hgs_core.errors import MapError
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.native_backend import camera_numbers
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
-from hgs_core.native import kernels
 
 
 class LossWeights(StrictConfig):
@@ -78,9 +78,9 @@ def optimise_step(
     """Render, compare, differentiate and move: one Adam step of every Gaussian that got a gradient, in place.
 
     Per pixel with `0 < depth < inf`, averaged over these pixels, and the first two only where A > 0.05:
-    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)`. Steps are counted per Gaussian. Radii are
-    kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves them. Raises `MapError` when
-    the images do not fit the camera.
+    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)`. Steps are counted per Gaussian. Radii
+    are kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves them. Raises `MapError`
+    when the images do not fit the camera.
     """
     shape = (intrinsics.height, intrinsics.width)
     if rgb.shape[:2] != shape or depth_m.shape != shape:

@@ -16,15 +16,15 @@ from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
 MIN_SILHOUETTE: Final = 1e-3
-"""Where less than this was drawn, `RenderedView.colour` and `.depth_m` are 0: there is nothing to divide by."""
+"""Where no more than this was drawn, `RenderedView.colour` and `.depth_m` are 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedView:
     """Front-to-back sums over the Gaussians of each pixel (HGS-Planner Eq. 2), not divided by anything.
 
-    The sums are what gradients refer to; `colour` and `depth_m` are what a viewer or a metric wants: sums over
-    opaque *and* half-covered pixels divided by how much was drawn, so that a thin cover is not dark or near.
+    The sums are what gradients refer to. `colour` and `depth_m` are what a viewer or a metric wants: the sums
+    divided by how much was drawn, so that a half-covered pixel is neither dark nor near.
     """
 
     colour_sum: Float32[ndarray, "height width 3"]
@@ -55,9 +55,9 @@ class RenderedView:
 class RenderBackend(Protocol):
     """One implementation of the splatting model.
 
-    A Gaussian appears with variance `(f r / z)^2 + 0.3` px^2 (f: geometric mean of fx and fy), alpha at most 0.99
-    and dropped below 1/255, if its centre is farther than 0.1 m; blending goes by the depth of the centres and
-    ends at a transmittance of 1e-4.
+    A Gaussian appears with variance `(f r / z)^2 + 0.3` px^2 (f: geometric mean of fx and fy), alpha at most
+    0.99 and dropped below 1/255, if its centre is farther than 0.1 m; blending goes by the depth of the
+    centres and ends at a transmittance of 1e-4.
     """
 
     def forward(
@@ -80,7 +80,10 @@ class RenderBackend(Protocol):
 def render(
     gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3, *, backend: str = "native"
 ) -> RenderedView:
-    """Draw the map as the camera at `T_world_camera` would see it. Raises `ConfigError` for an unknown backend."""
+    """Draw the map as the camera at `T_world_camera` would see it.
+
+    Raises `ConfigError` for an unknown backend.
+    """
     return render_backend(backend).forward(gaussians, intrinsics, T_world_camera)
 
 

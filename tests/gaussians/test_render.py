@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import hgs_core.native.kernels as kernels
 from hgs_core.errors import ConfigError
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.native_backend import NativeBackend
@@ -14,7 +15,6 @@ from hgs_core.gaussians.render import render
 from hgs_core.gaussians.torch_backend import TorchBackend
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.geometry.se3 import SE3
-from hgs_core.native import kernels
 
 CAMERA = CameraIntrinsics(width=53, height=37, fx=40.0, fy=44.0, cx=25.0, cy=19.5)  # no multiple of a tile
 POSE = level_camera_pose(0.3, -0.2, 1.0, 0.7) @ SE3.exp(np.array([0.0, 0.0, 0.0, 0.1, -0.05, 0.2]))
@@ -97,8 +97,8 @@ def test_reference_gradient_is_the_numeric_one() -> None:
 
 
 def test_one_gaussian_by_hand() -> None:
-    """r = 0.1 m at 2 m and f = 100 px: sigma^2 = 25.3. At the pixel whose centre the Gaussian hits, alpha is its
-    opacity 0.5; three pixels to the side it is 0.5 exp(-9 / 50.6)."""
+    """r = 0.1 m at 2 m and f = 100 px: sigma^2 = 25.3. At the pixel whose centre the Gaussian hits, alpha is
+    its opacity 0.5; three pixels to the side it is 0.5 exp(-9 / 50.6)."""
     camera = CameraIntrinsics(width=31, height=31, fx=100.0, fy=100.0, cx=15.5, cy=15.5)
     view = render(one(0.0, 0.0, 2.0, radius_m=0.1, logit=0.0), camera, SE3.identity())
     assert view.silhouette[15, 15] == pytest.approx(0.5, abs=1e-6)
@@ -145,8 +145,7 @@ def test_a_splat_next_to_the_camera_covers_the_whole_picture() -> None:
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), yaw=st.floats(-3.1, 3.1))
 def test_sums_are_bounded_and_culling_changes_nothing(seed: int, yaw: float) -> None:
-    """Any view: 0 <= A <= 1, C within A times the brightest colour; a map of one-row blocks' worth of bounds
-    (one block here, so bounds are loose) draws as the reference does from every side."""
+    """From any side: 0 <= A <= 1, C within A times the brightest colour, and the reference agrees."""
     gaussians = scene(60, seed)
     pose = level_camera_pose(0.3, -0.2, 1.0, yaw)
     view = render(gaussians, CAMERA, pose)
@@ -158,7 +157,7 @@ def test_sums_are_bounded_and_culling_changes_nothing(seed: int, yaw: float) -> 
 
 
 def test_block_culling_drops_only_what_cannot_be_seen() -> None:
-    """Compact blocks all round the camera: with real bounds and with bounds that hold everything, the same picture."""
+    """Compact blocks all round: real bounds and bounds that hold everything give the same picture."""
     rng = np.random.default_rng(8)
     gaussians = GaussianMap()
     for azimuth in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
@@ -200,5 +199,5 @@ def test_the_number_of_threads_changes_nothing() -> None:
 
 
 def test_an_unknown_backend_is_told_what_there_is() -> None:
-    with pytest.raises(ConfigError, match="'cuda'.*native, torch"):
+    with pytest.raises(ConfigError, match=r"'cuda'.*native, torch"):
         render(GaussianMap(), CAMERA, POSE, backend="cuda")

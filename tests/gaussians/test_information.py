@@ -1,0 +1,89 @@
+"""Fisher information against the Jacobian that autograd finds, pixel by pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from jaxtyping import Float64
+from numpy import ndarray
+
+from hgs_core.errors import MapError
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.information import accumulate_information, quality_image, view_information
+from hgs_core.gaussians.torch_backend import splat
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.geometry.se3 import SE3
+
+CAMERA = CameraIntrinsics(width=19, height=18, fx=15.0, fy=17.0, cx=9.0, cy=8.0)
+POSE = level_camera_pose(0.0, 0.2, 1.0, -0.6) @ SE3.exp(np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.1]))
+
+
+def scene(n: int = 14, seed: int = 2) -> GaussianMap:
+    rng = np.random.default_rng(seed)
+    depth = np.linspace(1.0, 3.0, n) + rng.uniform(0.1, 0.4, n) * 2.0 / n
+    centres = POSE.apply(np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)) * depth[:, None], depth]))
+    gaussians = GaussianMap()
+    other = [rng.uniform(0.0, 1.0, (n, 3)), rng.normal(-2.0, 0.5, n), rng.normal(0.0, 1.5, n)]
+    gaussians.append(np.column_stack([centres, *other]).astype(np.float32), anchor_keyframe=0)
+    return gaussians
+
+
+def squared_jacobian(gaussians: GaussianMap) -> Float64[ndarray, "height width 3 size 8"]:
+    parameters = torch.from_numpy(gaussians.parameters[: gaussians.size]).double()
+
+    def colour(p: torch.Tensor) -> torch.Tensor:
+        return splat(p, CAMERA, POSE)[0]
+
+    return torch.autograd.functional.jacobian(colour, parameters).numpy() ** 2
+
+
+def test_view_information_is_the_squared_jacobian_summed() -> None:
+    gaussians = scene()
+    expected = squared_jacobian(gaussians).sum(axis=(0, 1, 2))
+    information = view_information(gaussians, CAMERA, POSE)
+    np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-5 * expected.max(axis=0).min())
+    assert np.all(information[:, 3] == information[:, 5])
+    assert not gaussians.information.any()
+
+
+def test_quality_image_is_the_pixelwise_gain() -> None:
+    gaussians = scene()
+    rng = np.random.default_rng(0)
+    gaussians.information[: gaussians.size] = rng.uniform(0.0, 5.0, (gaussians.size, 8))
+    denominator = gaussians.information[: gaussians.size].astype(float) + 0.1
+    expected = (squared_jacobian(gaussians) / denominator).sum(axis=(2, 3, 4))
+    image = quality_image(gaussians, CAMERA, POSE, 0.1)
+    np.testing.assert_allclose(image, expected, rtol=2e-3, atol=1e-4 * expected.max())
+
+
+def test_quality_image_adds_up_to_the_gain_of_the_view() -> None:
+    gaussians = scene(200, seed=7)
+    accumulate_information(gaussians, CAMERA, POSE)
+    gain = (view_information(gaussians, CAMERA, POSE) / (gaussians.information[:200] + 0.1)).sum(dtype=float)
+    assert quality_image(gaussians, CAMERA, POSE, 0.1).sum(dtype=float) == pytest.approx(gain, rel=1e-4)
+
+
+def test_accumulating_adds_views_and_weights_only_what_was_seen() -> None:
+    gaussians = scene()
+    behind = gaussians.parameters[:1].copy()
+    behind[0, :3] = POSE.apply(np.array([[0.0, 0.0, -1.0]]))[0]
+    gaussians.append(behind, anchor_keyframe=0)
+    once = view_information(gaussians, CAMERA, POSE)
+    version = gaussians.version
+    accumulate_information(gaussians, CAMERA, POSE)
+    accumulate_information(gaussians, CAMERA, POSE)
+    size = gaussians.size
+    np.testing.assert_allclose(gaussians.information[:size], 2.0 * once, rtol=1e-6)
+    assert gaussians.version > version
+    z = POSE.inverse().apply(gaussians.centres_m.astype(float))[:, 2]
+    seen = once[:, 3] > 1e-6
+    assert not seen[-1]
+    np.testing.assert_allclose(
+        gaussians.information_weight[:size], np.where(seen, 2.0 / z**2, 0.0), rtol=1e-5
+    )
+
+
+def test_a_prior_must_be_positive() -> None:
+    with pytest.raises(MapError, match="prior_information"):
+        quality_image(scene(), CAMERA, POSE, 0.0)

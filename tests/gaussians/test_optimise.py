@@ -1,0 +1,245 @@
+"""The fused step against autograd and Adam written down, and what it must leave alone."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+from jaxtyping import Float32, UInt8
+from numpy import ndarray
+
+import hgs_core.native.kernels as kernels
+from hgs_core.errors import MapError
+from hgs_core.gaussians.gaussian_map import BLOCK, LOG_RADIUS, GaussianMap
+from hgs_core.gaussians.optimise import LearningRates, LossWeights, optimise_step
+from hgs_core.gaussians.render import render
+from hgs_core.gaussians.torch_backend import splat
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+
+CAMERA = CameraIntrinsics(width=45, height=35, fx=40.0, fy=40.0, cx=22.0, cy=18.0)
+POSE = level_camera_pose(0.5, 0.5, 1.0, 0.4)
+WEIGHTS = LossWeights()
+RATES = LearningRates()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    rgb: UInt8[ndarray, "height width 3"]
+    depth_m: Float32[ndarray, "height width"]
+
+
+def scene(n: int = 150, seed: int = 0) -> GaussianMap:
+    rng = np.random.default_rng(seed)
+    depth = np.linspace(1.0, 4.0, n) + rng.uniform(0.1, 0.4, n) * 3.0 / n
+    centres = POSE.apply(np.column_stack([rng.uniform(-0.7, 0.7, (n, 2)) * depth[:, None], depth]))
+    other = [rng.uniform(0.0, 1.0, (n, 3)), rng.normal(-2.5, 0.4, n), rng.normal(0.0, 1.5, n)]
+    gaussians = GaussianMap()
+    parameters = np.column_stack([centres, *other])[rng.permutation(n)]
+    gaussians.append(parameters.astype(np.float32), anchor_keyframe=0)
+    return gaussians
+
+
+def target(seed: int = 1) -> View:
+    rng = np.random.default_rng(seed)
+    shape = (CAMERA.height, CAMERA.width)
+    depth = rng.uniform(1.0, 4.0, shape).astype(np.float32)
+    depth[rng.random(shape) < 0.1] = 0.0
+    depth[rng.random(shape) < 0.1] = np.inf
+    return View(rgb=rng.integers(0, 256, (*shape, 3), dtype=np.uint8), depth_m=depth)
+
+
+def step(gaussians: GaussianMap, view: View, rates: LearningRates = RATES) -> float:
+    loss = optimise_step(gaussians, view.rgb, view.depth_m, CAMERA, POSE, weights=WEIGHTS, rates=rates)
+    return loss.total
+
+
+class ReferenceOptimiser:
+    """The same loss by autograd in float64, and Adam per Gaussian as its paper writes it."""
+
+    def __init__(self, gaussians: GaussianMap) -> None:
+        self.parameters = torch.from_numpy(gaussians.parameters[: gaussians.size].copy()).double()
+        self.m = torch.zeros_like(self.parameters)
+        self.v = torch.zeros_like(self.parameters)
+        self.steps = torch.zeros(gaussians.size, dtype=torch.int64)
+        self.rates = torch.tensor(
+            [*[RATES.centre] * 3, *[RATES.rgb] * 3, RATES.log_radius, RATES.logit_opacity]
+        ).double()
+
+    def step(self, view: View) -> float:
+        leaf = self.parameters.clone().requires_grad_()
+        colour, depth, silhouette = splat(leaf, CAMERA, POSE)
+        truth_rgb = torch.from_numpy(view.rgb).double() / 255.0
+        truth_depth = torch.from_numpy(view.depth_m).double()
+        valid = (truth_depth > 0) & torch.isfinite(truth_depth)
+        covered = valid & (silhouette > 0.05)
+        A = silhouette[covered]
+        loss = (
+            WEIGHTS.colour * (colour[covered] / A[:, None] - truth_rgb[covered]).abs().mean(dim=1).sum()
+            + WEIGHTS.depth * (depth[covered] / A - truth_depth[covered]).abs().sum()
+            + WEIGHTS.silhouette * (1.0 - silhouette[valid]).sum()
+        ) / valid.sum()
+        (g,) = torch.autograd.grad(loss, leaf)
+        moved = (g != 0).any(dim=1)
+        self.steps[moved] += 1
+        t = self.steps[moved, None].double()
+        self.m[moved] = RATES.beta1 * self.m[moved] + (1 - RATES.beta1) * g[moved]
+        self.v[moved] = RATES.beta2 * self.v[moved] + (1 - RATES.beta2) * g[moved] ** 2
+        m_hat = self.m[moved] / (1 - RATES.beta1**t)
+        v_hat = self.v[moved] / (1 - RATES.beta2**t)
+        self.parameters[moved] -= self.rates * m_hat / (v_hat.sqrt() + RATES.epsilon)
+        return float(loss.detach())
+
+
+def test_steps_are_those_of_autograd_and_adam() -> None:
+    """Moments are compared by their size, parameters by that of a step: where a gradient is all but zero, Adam
+    turns its rounding into a full step, so a small share of entries may differ by up to that."""
+    gaussians, view = scene(), target()
+    reference = ReferenceOptimiser(gaussians)
+    for number in range(3):
+        loss = step(gaussians, view)
+        assert loss == pytest.approx(reference.step(view), rel=1e-5)
+        np.testing.assert_array_equal(gaussians.adam_steps[: gaussians.size], reference.steps.numpy())
+        for mine, truth in (
+            (gaussians.adam_first_moment, reference.m),
+            (gaussians.adam_second_moment, reference.v),
+        ):
+            scale = truth.abs().amax(dim=0).numpy()
+            np.testing.assert_allclose(
+                mine[: gaussians.size] / scale, truth.numpy() / scale, atol=1e-4 * (number + 1)
+            )
+        difference = np.abs(gaussians.parameters[: gaussians.size] - reference.parameters.numpy())
+        off = difference > 0.02 * reference.rates.numpy() + 2e-7
+        assert off.mean() < 0.01
+        assert np.all(difference <= 2.1 * (number + 1) * reference.rates.numpy() + 1e-6)
+    assert 50 < np.count_nonzero(gaussians.adam_steps[: gaussians.size] == 3) < gaussians.size
+
+
+def test_reported_terms_are_means_over_covered_pixels() -> None:
+    gaussians, view = scene(), target()
+    drawn = render(gaussians, CAMERA, POSE)
+    valid = (view.depth_m > 0) & np.isfinite(view.depth_m)
+    covered = valid & (drawn.silhouette > 0.05)
+    loss = optimise_step(gaussians, view.rgb, view.depth_m, CAMERA, POSE, weights=WEIGHTS, rates=RATES)
+    assert loss.pixels == np.count_nonzero(valid)
+    assert loss.covered_pixels == np.count_nonzero(covered)
+    colour_error = np.abs(drawn.colour - view.rgb / 255.0)[covered].mean()
+    depth_error = np.abs(drawn.depth_m - view.depth_m)[covered].mean()
+    assert loss.colour_l1 == pytest.approx(colour_error, rel=1e-4)
+    assert loss.depth_l1_m == pytest.approx(depth_error, rel=1e-4)
+    share = loss.covered_pixels / loss.pixels
+    expected = (
+        share * (WEIGHTS.colour * colour_error + WEIGHTS.depth * depth_error)
+        + WEIGHTS.silhouette * (1.0 - drawn.silhouette[valid]).mean()
+    )
+    assert loss.total == pytest.approx(expected, rel=1e-4)
+
+
+def test_repeated_steps_learn_a_picture() -> None:
+    """A map that differs from the truth in colour, radius and opacity comes back to its picture."""
+    truth = scene(200, seed=3)
+    truth.parameters[:200, 6:] = [-1.8, 4.0]
+    drawn = render(truth, CAMERA, POSE)
+    rgb = np.clip(np.rint(drawn.colour * 255.0), 0, 255).astype(np.uint8)
+    view = View(rgb=rgb, depth_m=np.where(drawn.silhouette > 0.9, drawn.depth_m, 0).astype(np.float32))
+    gaussians = copy.deepcopy(truth)
+    rng = np.random.default_rng(4)
+    gaussians.parameters[:200, 3:6] = rng.uniform(0.0, 1.0, (200, 3))
+    gaussians.parameters[:200, LOG_RADIUS] += 0.1
+    gaussians.refresh_blocks()
+    first = step(gaussians, view)
+    for _ in range(200):
+        last = step(gaussians, view)
+    assert last < 0.4 * first
+
+
+def test_what_is_not_seen_does_not_move() -> None:
+    gaussians, view = scene(), target()
+    behind = np.full((300, 8), 0.5, np.float32)
+    behind[:, :3] = POSE.apply(np.array([[0.0, 0.0, -3.0]]))
+    gaussians.append(behind, anchor_keyframe=1)
+    before = gaussians.state()
+    step(gaussians, view)
+    after = gaussians.state()
+    still = after["adam_steps"] == 0
+    assert still[150:].all()
+    for name in ("parameters", "adam_first_moment", "adam_second_moment"):
+        np.testing.assert_array_equal(before[name][still], after[name][still])
+        assert not np.array_equal(before[name][~still], after[name][~still])
+    for name in ("information", "information_weight", "anchor_keyframe", "n_depth_observations"):
+        np.testing.assert_array_equal(before[name], after[name])
+    assert after["version"] > before["version"]
+
+
+def test_no_valid_pixel_moves_nothing() -> None:
+    gaussians = scene()
+    before = gaussians.parameters.copy()
+    depth = np.full((CAMERA.height, CAMERA.width), np.inf, np.float32)
+    loss = optimise_step(gaussians, target().rgb, depth, CAMERA, POSE, weights=WEIGHTS, rates=RATES)
+    assert (loss.pixels, loss.covered_pixels, loss.total) == (0, 0, 0.0)
+    np.testing.assert_array_equal(gaussians.parameters, before)
+
+
+def test_radii_stay_within_their_limits() -> None:
+    gaussians, view = scene(), target()
+    rates = LearningRates(log_radius=5.0)
+    limits = (0.05, 0.12)
+    for _ in range(3):
+        optimise_step(
+            gaussians,
+            view.rgb,
+            view.depth_m,
+            CAMERA,
+            POSE,
+            weights=WEIGHTS,
+            rates=rates,
+            radius_limits_m=limits,
+        )
+    moved = gaussians.adam_steps[: gaussians.size] > 0
+    radii = gaussians.radii_m[moved]
+    assert radii.min() >= 0.05 * (1 - 1e-5)
+    assert radii.max() <= 0.12 * (1 + 1e-5)
+
+
+def test_block_bounds_hold_every_gaussian_after_it_moved() -> None:
+    gaussians, view = scene(600), target()
+    for _ in range(5):
+        step(gaussians, view, LearningRates(centre=0.05, log_radius=0.2))
+    bounds = gaussians.block_bounds[np.arange(gaussians.size) // BLOCK]
+    radii = gaussians.radii_m[:, None]
+    assert np.all(bounds[:, :3] <= gaussians.centres_m - radii + 1e-6)
+    assert np.all(bounds[:, 3:] >= gaussians.centres_m + radii - 1e-6)
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    view = target()
+    threads = kernels.threads()
+    results = []
+    try:
+        for n in (1, 3):
+            kernels.set_threads(n)
+            gaussians = scene(600)
+            results.append([step(gaussians, view), step(gaussians, view), gaussians.parameters.copy()])
+    finally:
+        kernels.set_threads(threads)
+    assert results[0][:2] == results[1][:2]
+    np.testing.assert_array_equal(results[0][2], results[1][2])
+
+
+def test_images_that_do_not_fit_the_camera_are_refused() -> None:
+    view = target()
+    with pytest.raises(MapError, match=r"\(35, 45\)"):
+        optimise_step(scene(), view.rgb[1:], view.depth_m[1:], CAMERA, POSE, weights=WEIGHTS, rates=RATES)
+    with pytest.raises(MapError, match="radius_limits_m"):
+        optimise_step(
+            scene(),
+            view.rgb,
+            view.depth_m,
+            CAMERA,
+            POSE,
+            weights=WEIGHTS,
+            rates=RATES,
+            radius_limits_m=(1.0, 0.5),
+        )
