@@ -159,8 +159,10 @@ class Mapper:
             gate_m=fusion.gate_m,
             gate_slope=fusion.gate_slope,
             max_count=fusion.max_observations,
-            coarse_px=insertion.replace_factor * insertion.radius_factor * insertion.lattice_px / 2,
-            coarse_m=insertion.replace_factor * insertion.radius_factor * insertion.min_spacing_m * 2,
+            radius_factor=insertion.radius_factor,
+            finest_px=insertion.lattice_px / 2,
+            min_spacing_m=insertion.min_spacing_m,
+            replace_factor=insertion.replace_factor,
         )
         self.gaussians.parameters[coarse, LOGIT_OPACITY] = _RETIRED_LOGIT
         self.gaussians.version += 1

@@ -47,7 +47,8 @@ void bind_fuse_centres(nb::module_& m) {
          float fx, float fy, float cx, float cy,
          ndarray<const float, nb::shape<3, 3>, nb::c_contig, nb::device::cpu> rotation,
          ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu> translation, float gate_m,
-         float gate_slope, int max_count, float coarse_px, float coarse_m) {
+         float gate_slope, int max_count, float radius_factor, float finest_px, float min_spacing_m,
+         float replace_factor) {
         auto rows = new std::vector<std::int32_t>();
         nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<std::int32_t>*>(p); });
         hgs::FusionView view{depth.data(), int(depth.shape(1)), int(depth.shape(0)), fx, fy, cx, cy, {}, {}};
@@ -56,14 +57,15 @@ void bind_fuse_centres(nb::module_& m) {
         {
           nb::gil_scoped_release released;
           hgs::fuse_centres(parameters.data(), counts.data(), long(parameters.shape(0)), bounds.data(), block,
-                            view, gate_m, gate_slope, max_count, coarse_px, coarse_m, *rows);
+                            view, gate_m, gate_slope, max_count,
+                            {radius_factor, finest_px, min_spacing_m, replace_factor}, *rows);
         }
         return ndarray<nb::numpy, std::int32_t, nb::ndim<1>>(rows->data(), {rows->size()}, owner);
       },
       nb::arg("parameters").noconvert(), nb::arg("counts").noconvert(), nb::arg("bounds"), nb::arg("block"),
       nb::arg("depth"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("rotation"),
       nb::arg("translation"), nb::kw_only(), nb::arg("gate_m"), nb::arg("gate_slope"), nb::arg("max_count"),
-      nb::arg("coarse_px"), nb::arg("coarse_m"));
+      nb::arg("radius_factor"), nb::arg("finest_px"), nb::arg("min_spacing_m"), nb::arg("replace_factor"));
 }
 
 }  // namespace

@@ -13,13 +13,20 @@ struct FusionView {
   float translation[3];  // camera centre [m]
 };
 
+// How large a Gaussian the present view would place at a depth: `factor` times its lattice spacing. The lattice
+// has `finest_px` pixels between points, doubled while that is less than `min_spacing_m` on the surface.
+struct Placement {
+  float factor, finest_px, min_spacing_m;
+  float replace_factor;  // a radius so many times larger is coarse
+};
+
 // For every Gaussian whose centre projects into the image and lies within `gate_m` of the measured depth
 // (grown with distance by `gate_slope`), moves the centre along the viewing ray to the running mean of the
-// depths seen so far, at most `max_count` of them. Rows whose radius on the screen exceeds
-// `coarse_px` (and whose radius exceeds `coarse_m`) are returned in `coarse_rows`, ascending.
+// depths seen so far, at most `max_count` of them. Rows whose radius is coarse
+// beside what this view would place are returned in `coarse_rows`, ascending.
 // `bounds` holds 6 floats a block of `block` rows.
 void fuse_centres(float* parameters, std::uint16_t* counts, long n, const float* bounds, int block,
-                  const FusionView& view, float gate_m, float gate_slope, int max_count, float coarse_px,
-                  float coarse_m, std::vector<std::int32_t>& coarse_rows);
+                  const FusionView& view, float gate_m, float gate_slope, int max_count,
+                  const Placement& placement, std::vector<std::int32_t>& coarse_rows);
 
 }  // namespace hgs

@@ -44,8 +44,10 @@ def fuse(gaussians: GaussianMap, depth: np.ndarray, pose: SE3) -> np.ndarray:
         gate_m=GATE_M,
         gate_slope=SLOPE,
         max_count=MOST,
-        coarse_px=2.0,
-        coarse_m=0.02,
+        radius_factor=0.6,
+        finest_px=1.0,
+        min_spacing_m=0.08,
+        replace_factor=1.8,
     )
 
 
@@ -62,7 +64,8 @@ def naive(parameters: np.ndarray, counts: np.ndarray, wall_m: float) -> tuple[np
         fused = z + (wall_m - z) / (min(counts[i], MOST) + 1)
         moved[i, :3] = POSE.apply(np.array([[x, y, z]]) * fused / z)[0]
         radius = np.exp(parameters[i, 6])
-        if CAMERA.fx * radius / z > 2.0 and radius > 0.02:
+        placed = 0.6 * z / CAMERA.fx * (2 if z / CAMERA.fx < 0.08 else 1)
+        if radius > 1.8 * placed:
             coarse.append(i)
     return moved, coarse
 

@@ -1,0 +1,56 @@
+"""Presets resolve, overrides apply, mistakes are named."""
+
+import pytest
+
+from hgs_core.config.presets import preset_names
+from hgs_core.errors import ConfigError
+from hgs_core.mission.config import resolve_mission_config
+
+
+@pytest.mark.parametrize("preset", preset_names("mission"))
+def test_every_preset_is_valid(preset: str) -> None:
+    config = resolve_mission_config(preset, {})
+    assert config.description
+    assert config.robot.radius_m == 0.25
+
+
+def test_the_papers_variants_differ_in_their_gains_alone() -> None:
+    paper = resolve_mission_config("paper", {})
+    coverage = resolve_mission_config("coverage", {})
+    quality = resolve_mission_config("quality", {})
+    assert paper.gain.use_coverage
+    assert paper.gain.use_quality
+    assert paper.gain.adaptive
+    assert not coverage.gain.use_quality
+    assert not quality.gain.use_coverage
+    for variant in (coverage, quality):
+        assert variant.planner == paper.planner
+        assert variant.mapping == paper.mapping
+
+
+def test_overrides_reach_into_sections() -> None:
+    config = resolve_mission_config(
+        "paper", {"mapping.iterations_per_frame": "3", "robot.radius_m": "0.3", "threads": "1"}
+    )
+    assert config.mapping.iterations_per_frame == 3
+    assert config.robot.radius_m == 0.3
+    assert config.threads == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("mapping.iterations", "3", r"mapping\.iterations"),
+        ("robot.radius_m", "-1", r"robot\.radius_m = -1.*greater than 0"),
+        ("threads.x", "1", "threads"),
+        ("limits.max_time_s", "soon", r"limits\.max_time_s = 'soon'"),
+    ],
+)
+def test_a_wrong_override_names_field_value_and_rule(key: str, value: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        resolve_mission_config("paper", {key: value})
+
+
+def test_an_unknown_preset_lists_what_there_is() -> None:
+    with pytest.raises(ConfigError, match="paper"):
+        resolve_mission_config("papre", {})
