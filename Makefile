@@ -30,7 +30,7 @@ test: ready-to-test ## Everything that must be green: lint, types, layers, tests
 
 .PHONY: test-long
 test-long: ready-to-test ## The tests that take minutes: whole missions, the built wheel
-	$(call step,pytest (slow),$(VENV)/pytest -m slow)
+	$(call step,pytest (slow),$(VENV)/pytest -m slow --timeout=7200)
 
 .PHONY: lint
 lint: ready-to-test ## Lint, format and layer contracts
