@@ -1,0 +1,271 @@
+"""The global level: a tour over the reconstructing subspaces outside the horizon (HGS-Planner section III-D).
+
+The paper joins the subspaces' centres. A centre is often inside furniture or a wall, so here each subspace is
+represented by the best of a few reachable places near its missing voxels, scored like any view. This also decides
+when a subspace is exhausted: when even a dense set of places near it gains less than the threshold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from pydantic import Field
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.executable_path import leg_between
+from hgs_core.planning.path_search import pairwise_costs, smooth
+from hgs_core.planning.plan import SubspaceState, UnseenReason
+from hgs_core.planning.roadmap import Roadmap
+from hgs_core.planning.sampling import poisson_disk
+from hgs_core.planning.subspaces import Key, SubspacePartition
+from hgs_core.planning.tours import open_tour
+from hgs_core.planning.views import View
+
+
+class GlobalConfig(StrictConfig):
+    view_radius_m: float = Field(3.0, gt=0)
+    """A subspace is first looked at from places this near to the middle of its missing voxels [m]."""
+    view_spacing_m: float = Field(1.2, gt=0)
+    """Least distance between these places [m]."""
+    views_per_subspace: int = Field(6, ge=1)
+    """At most so many places are scored at first."""
+    dense_views_per_subspace: int = Field(20, ge=1)
+    """Before a subspace is given up, so many places within the camera's range are scored."""
+    stale_change: float = Field(0.2, gt=0, lt=1)
+    """A subspace's view is scored again when its missing volume changed by more than this share."""
+    detour_factor: float = Field(1.3, ge=1)
+    """A roadmap route that costs more than this times the grid's way is replaced by the grid's."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SubspaceView:
+    """The best view of a subspace, and what it was chosen on."""
+
+    view: View
+    missing_volume_m3: float
+    n_places: int
+
+
+@dataclass(kw_only=True, eq=False)
+class GlobalTour:
+    """The tour from the robot over the subspaces' views."""
+
+    keys: list[Key] = field(default_factory=list)
+    goals: list[View] = field(default_factory=list)
+    legs_m: list[Float[ndarray, "n 2"]] = field(default_factory=list)
+    """The way to each goal from the one before; the first from the robot."""
+    in_horizon: list[View] = field(default_factory=list)
+    """Views of outside subspaces that lie inside the horizon: the local level visits them."""
+    rejected: list[View] = field(default_factory=list)
+    """Best views of subspaces that were exhausted in this cycle."""
+    unreachable: list[Float[ndarray, " 2"]] = field(default_factory=list)
+    """Middles of the missing voxels of subspaces that no reachable place can look at."""
+    grid_legs: int = 0
+    """Legs for which the roadmap had no connection, or only a long way round: the grid's way was taken."""
+
+    @property
+    def polyline_m(self) -> Float[ndarray, "n 2"]:
+        return np.concatenate(self.legs_m) if self.legs_m else np.zeros((0, 2))
+
+
+class GlobalPlanner:
+    """Keeps the roadmap and the views of the subspaces."""
+
+    def __init__(
+        self,
+        config: GlobalConfig,
+        *,
+        partition: SubspacePartition,
+        roadmap: Roadmap,
+        gain_threshold: float,
+        camera_range_m: float,
+    ) -> None:
+        self.config = config
+        self.partition = partition
+        self.roadmap = roadmap
+        self._gain_threshold = gain_threshold
+        self._camera_range_m = camera_range_m
+        self._views: dict[Key, SubspaceView] = {}
+
+    def forget_views(self) -> None:
+        """Score every subspace anew in the next tour."""
+        self._views = {}
+
+    def tour(self, cycle: PlanningCycle, rng: np.random.Generator, *, whole_map: bool) -> GlobalTour:
+        """Tour the reconstructing subspaces; with `whole_map`, those inside the horizon, too."""
+        tour = GlobalTour()
+        counted = (
+            np.ones(len(cycle.missing.xy_m), bool) if whole_map else ~cycle.in_horizon(cycle.missing.xy_m)
+        )
+        if len(counted):
+            self._reconsider(cycle)
+        for key in self.partition.with_state(SubspaceState.RECONSTRUCTING):
+            of_key = counted & np.all(cycle.missing.keys == np.array(key), axis=1)
+            volume = float(cycle.missing.volume_m3[of_key].sum())
+            if volume >= self.partition.config.done_volume_m3:
+                self._represent(key, of_key, volume, cycle, rng, tour)
+        for key in [
+            key
+            for key in self._views
+            if self.partition.records[key].state is not SubspaceState.RECONSTRUCTING
+        ]:
+            del self._views[key]
+        self._order(cycle, tour)
+        return tour
+
+    def _middle(self, cycle: PlanningCycle, of_key: Bool[ndarray, " n"]) -> Float[ndarray, " 2"]:
+        middle: Float[ndarray, " 2"] = np.average(
+            cycle.missing.xy_m[of_key], axis=0, weights=cycle.missing.volume_m3[of_key]
+        )
+        return middle
+
+    def _places(
+        self, cycle: PlanningCycle, middle: Float[ndarray, " 2"], radius_m: float
+    ) -> Int[ndarray, " n"]:
+        """Indices into the cycle's places."""
+        return np.flatnonzero(np.linalg.norm(cycle.places_m - middle, axis=1) <= radius_m)
+
+    def _reconsider(self, cycle: PlanningCycle) -> None:
+        for key, record in self.partition.records.items():
+            if (
+                record.exhausted is not None
+                and record.missing_volume_m3 >= self.partition.config.done_volume_m3
+            ):
+                of_key = np.all(cycle.missing.keys == np.array(key), axis=1)
+                places = self._places(cycle, self._middle(cycle, of_key), self._camera_range_m)
+                self.partition.reconsider(key, places=len(places))
+
+    def _represent(
+        self,
+        key: Key,
+        of_key: Bool[ndarray, " n"],
+        volume_m3: float,
+        cycle: PlanningCycle,
+        rng: np.random.Generator,
+        tour: GlobalTour,
+    ) -> None:
+        middle = self._middle(cycle, of_key)
+        near = self._places(cycle, middle, self.config.view_radius_m)
+        known = self._views.get(key)
+        if known is not None and self._still_holds(known, volume_m3, len(near), cycle):
+            cell = cycle.place_near(known.view.xy_m, cycle.grid.size_m)
+            assert cell is not None  # _still_holds looked it up
+            self._accept(key, known.view.at_cell(cell), cycle, tour)
+            return
+        view = self._best(near, self.config.view_spacing_m, self.config.views_per_subspace, cycle, rng)
+        if view is None or view.total_gain < self._gain_threshold:
+            wide = self._places(cycle, middle, self._camera_range_m)
+            denser = self.config.view_spacing_m / 2
+            again = self._best(wide, denser, self.config.dense_views_per_subspace, cycle, rng)
+            view = max((v for v in (view, again) if v is not None), key=lambda v: v.total_gain, default=None)
+            if view is None or view.total_gain < self._gain_threshold:
+                reason = UnseenReason.UNREACHABLE if view is None else UnseenReason.BELOW_THRESHOLD
+                self.partition.exhaust(key, reason, places=len(wide))
+                if view is None:
+                    tour.unreachable.append(middle)
+                else:
+                    tour.rejected.append(view)
+                return
+        self._views[key] = SubspaceView(view=view, missing_volume_m3=volume_m3, n_places=len(near))
+        self._accept(key, view, cycle, tour)
+
+    def _still_holds(
+        self, known: SubspaceView, volume_m3: float, n_places: int, cycle: PlanningCycle
+    ) -> bool:
+        change = self.config.stale_change
+        return (
+            abs(volume_m3 - known.missing_volume_m3) <= change * known.missing_volume_m3
+            and abs(n_places - known.n_places) <= max(change * known.n_places, 20)
+            and cycle.place_near(known.view.xy_m, cycle.grid.size_m) is not None
+        )
+
+    def _best(
+        self,
+        candidates: Int[ndarray, " n"],
+        spacing_m: float,
+        limit: int,
+        cycle: PlanningCycle,
+        rng: np.random.Generator,
+    ) -> View | None:
+        chosen = poisson_disk(cycle.places_m[candidates], spacing_m, rng, limit=limit)
+        views = cycle.score(cycle.places[candidates[chosen]])
+        return max(views, key=lambda view: view.total_gain, default=None)
+
+    @staticmethod
+    def _accept(key: Key, view: View, cycle: PlanningCycle, tour: GlobalTour) -> None:
+        if bool(cycle.in_horizon(view.xy_m[None])[0]):
+            tour.in_horizon.append(view)
+        else:
+            tour.keys.append(key)
+            tour.goals.append(view)
+
+    def _order(self, cycle: PlanningCycle, tour: GlobalTour) -> None:
+        """Sort the goals into an open tour and find its legs."""
+        if not tour.goals:
+            return
+        places = np.stack([cycle.robot_xy_m, *(view.xy_m for view in tour.goals)])
+        costs = self._costs(cycle, places, tour.goals)
+        order = open_tour(costs)[1:] - 1
+        tour.keys = [tour.keys[k] for k in order]
+        tour.goals = [tour.goals[k] for k in order]
+        for before, goal in zip([None, *tour.goals[:-1]], tour.goals, strict=True):
+            leg, from_roadmap = self._leg(cycle, before, goal)
+            tour.legs_m.append(leg)
+            tour.grid_legs += not from_roadmap
+
+    def _costs(
+        self, cycle: PlanningCycle, places_m: Float[ndarray, "n 2"], goals: list[View]
+    ) -> Float[ndarray, "n n"]:
+        """Roadmap costs; where the roadmap has no connection, or a long way round, the grid's."""
+        cells = np.array([goal.cell for goal in goals])
+        by_grid = np.zeros((len(places_m), len(places_m)))
+        by_grid[0, 1:] = by_grid[1:, 0] = cycle.reach.distance_m.ravel()[cells]
+        by_grid[1:, 1:] = pairwise_costs(cycle.grid, cells)
+        # Between two reachable places there is a way through the robot's, if entering its cells takes an escape.
+        by_grid = np.minimum(by_grid, by_grid[:, :1] + by_grid[:1, :])
+        by_roadmap = self.roadmap.pairwise_costs(cycle.grid, places_m)
+        return np.where(by_roadmap <= self.config.detour_factor * by_grid, by_roadmap, by_grid)
+
+    def _leg(
+        self, cycle: PlanningCycle, before: View | None, goal: View
+    ) -> tuple[Float[ndarray, "n 2"], bool]:
+        direct = leg_between(cycle, before, goal)
+        route = self.roadmap.route(cycle.grid, direct[0], goal.xy_m)
+        if route is not None:
+            route = smooth(cycle.grid, route)
+            if _cost(cycle, route) <= self.config.detour_factor * _cost(cycle, direct):
+                return route, True
+        return direct, False
+
+    def state(self) -> dict[str, Any]:
+        views = [
+            {
+                "key": list(key),
+                "view": known.view.state(),
+                "missing_volume_m3": known.missing_volume_m3,
+                "n_places": known.n_places,
+            }
+            for key, known in self._views.items()
+        ]
+        return {"roadmap": self.roadmap.state(), "partition": self.partition.state(), "views": views}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.roadmap.restore(state["roadmap"])
+        self.partition.restore(state["partition"])
+        self._views = {
+            (int(entry["key"][0]), int(entry["key"][1])): SubspaceView(
+                view=View.restore(entry["view"]),
+                missing_volume_m3=float(entry["missing_volume_m3"]),
+                n_places=int(entry["n_places"]),
+            )
+            for entry in state["views"]
+        }
+
+
+def _cost(cycle: PlanningCycle, polyline_m: Float[ndarray, "n 2"]) -> float:
+    return float(cycle.grid.check_segments(polyline_m[:-1], polyline_m[1:])[1].sum())

@@ -1,0 +1,206 @@
+"""The local level: HGS-Planner Algorithm 1 and the tour over the views that it selects.
+
+Places are the global path's crossing of the horizon and samples at least 1.5 m apart. So that plans do not flicker
+with the dice, the places still worth visiting from the plan before come first, then the robot's own place (turning
+is cheap), then the views that the global level found inside the horizon; random samples fill the gaps. When none of
+them is worth a visit although something in the horizon is missing, samples are drawn again, densely, near what is
+missing.
+
+The tour's costs are seconds: driving at the robot's speed along the grid's path, and turning in place, from the
+heading at the start to the drive's and from there to the view's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from pydantic import Field
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.path_search import pairwise_costs
+from hgs_core.planning.sampling import poisson_disk
+from hgs_core.planning.tours import open_tour
+from hgs_core.planning.views import View, turn_rad
+from hgs_core.robot.robot import RobotConfig
+
+
+class LocalConfig(StrictConfig):
+    horizon_m: float = Field(6.0, gt=0)
+    """Edge of the square local horizon about the robot [m]."""
+    sample_spacing_m: float = Field(1.5, gt=0)
+    """Least distance between sampled places [m]."""
+    dense_spacing_m: float = Field(0.6, gt=0)
+    """Least distance when sampling again near what is missing [m]."""
+    dense_radius_m: float = Field(3.0, gt=0)
+    """How near to something missing a place of the second sampling lies [m]."""
+    dense_samples: int = Field(40, ge=1)
+    """At most so many places in the second sampling."""
+    dense_missing_m3: float = Field(0.05, gt=0)
+    """The second sampling needs this much missing inside the horizon [m^3]."""
+    commitment_s: float = Field(1.5, ge=0)
+    """The previous plan's next place costs so much less to go to first [s]: no dithering between equals."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LocalViews:
+    """The local level's answer."""
+
+    tour: list[View]
+    """Selected views in the order of visit."""
+    rejected: list[View]
+    """Sampled views below the threshold."""
+    crossing: View | None
+    """The view at the crossing, if there is one: the tour leads to it whatever its gain."""
+
+
+class LocalPlanner:
+    """Selects and orders views inside the horizon. Keeps no state between cycles."""
+
+    def __init__(self, config: LocalConfig, robot: RobotConfig, *, gain_threshold: float) -> None:
+        self.config = config
+        self._gain_threshold = gain_threshold
+        self._speed_mps = robot.max_speed_mps
+        self._turn_rate_radps = np.radians(robot.max_turn_rate_degps)
+
+    def select(
+        self,
+        cycle: PlanningCycle,
+        rng: np.random.Generator,
+        *,
+        crossing_cell: int | None,
+        carried_m: Float[ndarray, "n_carried 2"],
+        suggested: list[View],
+    ) -> LocalViews:
+        """Algorithm 1. `carried_m` are the previous plan's places, its next one first."""
+        here = cycle.place_near(cycle.robot_xy_m, 4.0 * cycle.grid.size_m)
+        cells = self._sample(cycle, rng, carried_m, suggested)
+        crossing_cells = np.array([] if crossing_cell is None else [crossing_cell], dtype=np.int64)
+        places = np.concatenate(
+            [cycle.grid.centres_m(crossing_cells), cycle.robot_xy_m[None], cycle.grid.centres_m(cells)]
+        )
+        at = [*crossing_cells.tolist(), -1 if here is None else here, *cells.tolist()]
+        views = cycle.scorer.score(cycle.snapshot, places, at, cycle.observed_share)
+        crossing = views.pop(0) if crossing_cell is not None else None
+        selected = [view for view in views if view.total_gain >= self._gain_threshold]
+        rejected = [view for view in views if view.total_gain < self._gain_threshold]
+        if not selected:
+            again = self._sample_densely(cycle, rng)
+            selected = [view for view in again if view.total_gain >= self._gain_threshold]
+            selected = self._spread(selected)
+            rejected += [view for view in again if view.total_gain < self._gain_threshold]
+        next_m = carried_m[0] if len(carried_m) else None
+        return LocalViews(
+            tour=self.order(cycle, selected, crossing, next_m), rejected=rejected, crossing=crossing
+        )
+
+    def _sample(
+        self,
+        cycle: PlanningCycle,
+        rng: np.random.Generator,
+        carried_m: Float[ndarray, "n_carried 2"],
+        suggested: list[View],
+    ) -> Int[ndarray, " n"]:
+        """Carried, suggested and sampled places as cells."""
+        kept: list[int] = []
+        wanted = [*carried_m, *(view.xy_m for view in suggested)]
+        for place in wanted:
+            cell = cycle.place_near(place, cycle.grid.size_m)
+            if cell is None or not cycle.in_horizon(place[None])[0]:
+                continue
+            centre = cycle.grid.centres_m(np.array([cell]))
+            others = np.concatenate(
+                [cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(kept, dtype=np.int64))]
+            )
+            if np.min(np.linalg.norm(others - centre, axis=1)) >= self.config.dense_spacing_m:
+                kept.append(cell)
+        inside = cycle.in_horizon(cycle.places_m)
+        taken = np.concatenate([cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(kept, dtype=np.int64))])
+        sampled = poisson_disk(cycle.places_m[inside], self.config.sample_spacing_m, rng, taken_m=taken)
+        return np.concatenate([np.array(kept, dtype=np.int64), cycle.places[inside][sampled]])
+
+    def _sample_densely(self, cycle: PlanningCycle, rng: np.random.Generator) -> list[View]:
+        inside = cycle.in_horizon(cycle.missing.xy_m)
+        if float(cycle.missing.volume_m3[inside].sum()) < self.config.dense_missing_m3:
+            return []
+        near = np.flatnonzero(cycle.in_horizon(cycle.places_m))
+        # Missing columns thinned to one in 0.5 m: distances to them need no more.
+        columns = np.unique(np.round(cycle.missing.xy_m[inside] / 0.5), axis=0) * 0.5
+        apart = np.linalg.norm(cycle.places_m[near][:, None] - columns[None], axis=2)
+        near = near[np.any(apart <= self.config.dense_radius_m, axis=1)]
+        chosen = poisson_disk(
+            cycle.places_m[near], self.config.dense_spacing_m, rng, limit=self.config.dense_samples
+        )
+        return cycle.score(cycle.places[near[chosen]])
+
+    def _spread(self, views: list[View]) -> list[View]:
+        """The best of views closer to each other than the usual spacing."""
+        kept: list[View] = []
+        for view in sorted(views, key=lambda v: -v.total_gain):
+            if all(np.hypot(*(view.xy_m - other.xy_m)) >= self.config.sample_spacing_m for other in kept):
+                kept.append(view)
+        return kept
+
+    def order(
+        self,
+        cycle: PlanningCycle,
+        selected: list[View],
+        crossing: View | None,
+        next_m: Float[ndarray, " 2"] | None,
+    ) -> list[View]:
+        """Open tour from the robot over the selected views, ending at the crossing if there is one."""
+        if not selected:
+            return []
+        stops = [*selected, crossing] if crossing is not None else selected
+        costs = self._times_s(cycle, stops)
+        if next_m is not None:
+            for k, view in enumerate(stops):
+                if np.hypot(*(view.xy_m - next_m)) <= cycle.grid.size_m:
+                    costs[0, k + 1] = max(0.0, costs[0, k + 1] - self.config.commitment_s)
+        order = open_tour(costs, fixed_end=len(stops) if crossing is not None else None)
+        return [stops[k - 1] for k in order[1:] if k <= len(selected)]
+
+    def _times_s(self, cycle: PlanningCycle, stops: list[View]) -> Float[ndarray, "n n"]:
+        """Seconds between every two of the robot's pose (row 0) and the stops."""
+        robot = cycle.robot_xy_m
+        at_robot = np.array([bool(np.all(view.xy_m == robot)) for view in stops])
+        away = np.array(
+            [0.0 if at else cycle.distance_m(view.cell) for view, at in zip(stops, at_robot, strict=True)]
+        )
+        n = len(stops)
+        drive = np.zeros((n + 1, n + 1))
+        drive[0, 1:] = drive[1:, 0] = away
+        placed = np.flatnonzero(~at_robot)
+        drive[np.ix_(placed + 1, placed + 1)] = pairwise_costs(
+            cycle.grid, np.array([stops[k].cell for k in placed], dtype=np.int64)
+        )
+        for k in np.flatnonzero(at_robot):
+            drive[k + 1, 1:] = drive[1:, k + 1] = away
+        drive = np.minimum(drive, _by_way_of_robot(away))
+        places = np.stack([robot, *(view.xy_m for view in stops)])
+        yaws = [cycle.robot.yaw_rad, *(view.yaw_rad for view in stops)]
+        times = drive / self._speed_mps
+        for a in range(n + 1):
+            for b in range(1, n + 1):
+                times[a, b] += self._turning_s(places[a], yaws[a], places[b], yaws[b])
+        return times
+
+    def _turning_s(
+        self, start: Float[ndarray, " 2"], yaw_start: float, end: Float[ndarray, " 2"], yaw_end: float
+    ) -> float:
+        dx, dy = end - start
+        if np.hypot(dx, dy) < 0.05:
+            return turn_rad(yaw_start, yaw_end) / self._turn_rate_radps
+        bearing = float(np.arctan2(dy, dx))
+        return (turn_rad(yaw_start, bearing) + turn_rad(bearing, yaw_end)) / self._turn_rate_radps
+
+
+def _by_way_of_robot(away: Float[ndarray, " n"]) -> Float[ndarray, "m m"]:
+    """Costs by way of the robot's place, which joins everything that is reachable."""
+    from_robot = np.concatenate([[0.0], away])
+    sums: Float[ndarray, "m m"] = from_robot[:, None] + from_robot[None, :]
+    np.fill_diagonal(sums, 0.0)
+    return sums

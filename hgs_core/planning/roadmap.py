@@ -1,0 +1,149 @@
+"""A sparse random roadmap, grown along the travelled path (HGS-Planner section III-D, after TARE).
+
+Nodes are never moved or dropped; every edge between near nodes is checked against the current grid each cycle, so
+an edge that became blocked is not used, and one that was blocked for want of observation comes into use later.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from pydantic import Field
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.planning.navigation_grid import NavigationGrid
+from hgs_core.planning.path_search import ReachField
+from hgs_core.planning.sampling import poisson_disk
+
+
+class RoadmapConfig(StrictConfig):
+    node_spacing_m: float = Field(0.8, gt=0)
+    """Least distance between nodes [m]."""
+    edge_length_m: float = Field(1.8, gt=0)
+    """Nodes closer than this are joined by an edge, where a straight line is clear [m]."""
+    growth_radius_m: float = Field(4.0, gt=0)
+    """New nodes are sampled in reachable cells this near to the robot [m]."""
+    nodes_per_cycle: int = Field(30, ge=1)
+    """At most so many new nodes a planning cycle."""
+
+
+class Roadmap:
+    """Nodes, edges, and shortest routes over them."""
+
+    def __init__(self, config: RoadmapConfig) -> None:
+        self.config = config
+        self.nodes_m: Float[ndarray, "n 2"] = np.zeros((0, 2))
+        self.edges: Int[ndarray, "m 2"] = np.zeros((0, 2), np.int64)
+        self._usable: Bool[ndarray, " m"] = np.zeros(0, dtype=bool)
+        self._costs: Float[ndarray, " m"] = np.zeros(0)
+
+    def grow(self, grid: NavigationGrid, reach: ReachField, rng: np.random.Generator) -> None:
+        """Add the robot's place and random reachable places around it; check all edges against `grid`."""
+        robot = reach.origin_m
+        spacing = self.config.node_spacing_m
+        places = [robot[None]] if self._nearest_m(robot) >= spacing else []
+        cells = np.flatnonzero(reach.reachable.ravel())
+        centres = grid.centres_m(cells)
+        near = centres[np.linalg.norm(centres - robot, axis=1) <= self.config.growth_radius_m]
+        taken = np.concatenate([self.nodes_m, *places])
+        near_taken = taken[np.linalg.norm(taken - robot, axis=1) <= self.config.growth_radius_m + spacing]
+        chosen = poisson_disk(near, spacing, rng, taken_m=near_taken, limit=self.config.nodes_per_cycle)
+        self._add(np.concatenate([*places, near[chosen]]))
+        self._check_edges(grid)
+
+    def _nearest_m(self, place: Float[ndarray, " 2"]) -> float:
+        return float(np.min(np.linalg.norm(self.nodes_m - place, axis=1))) if len(self.nodes_m) else np.inf
+
+    def _add(self, places_m: Float[ndarray, "k 2"]) -> None:
+        first = len(self.nodes_m)
+        self.nodes_m = np.concatenate([self.nodes_m, places_m])
+        new = np.arange(first, len(self.nodes_m))
+        apart = np.linalg.norm(self.nodes_m[new][:, None] - self.nodes_m[None], axis=2)
+        rows, columns = np.nonzero(
+            (apart <= self.config.edge_length_m) & (np.arange(len(self.nodes_m)) < new[:, None])
+        )
+        self.edges = np.concatenate([self.edges, np.stack([new[rows], columns], axis=1)])
+
+    def _check_edges(self, grid: NavigationGrid) -> None:
+        clear, cost = grid.check_segments(self.nodes_m[self.edges[:, 0]], self.nodes_m[self.edges[:, 1]])
+        self._usable = clear >= grid.radius_m - 1e-6
+        self._costs = cost
+
+    def _joined(
+        self, grid: NavigationGrid, terminals_m: Float[ndarray, "t 2"]
+    ) -> tuple[Float[ndarray, "n_all 2"], Int[ndarray, "m 2"], Float[ndarray, " m"]]:
+        """The usable graph with the terminals as further nodes, each joined to every near node in plain sight."""
+        n = len(self.nodes_m)
+        apart = np.linalg.norm(terminals_m[:, None] - self.nodes_m[None], axis=2)
+        rows, columns = np.nonzero(apart <= self.config.edge_length_m)
+        clear, cost = grid.check_segments(terminals_m[rows], self.nodes_m[columns])
+        usable = clear >= grid.radius_m - 1e-6
+        links = np.stack([n + rows[usable], columns[usable]], axis=1)
+        edges = np.concatenate([self.edges[self._usable], links])
+        return (
+            np.concatenate([self.nodes_m, terminals_m]),
+            edges,
+            np.concatenate([self._costs[self._usable], cost[usable]]),
+        )
+
+    def pairwise_costs(
+        self, grid: NavigationGrid, terminals_m: Float[ndarray, "t 2"]
+    ) -> Float[ndarray, "t t"]:
+        """Route costs [m] between every two places; +inf where the roadmap has no connection."""
+        places, edges, costs = self._joined(grid, terminals_m)
+        graph = csr_array(
+            (np.maximum(costs, 1e-9), (edges[:, 0], edges[:, 1])), shape=(len(places), len(places))
+        )
+        first = len(self.nodes_m)
+        sources = np.arange(first, len(places))
+        return dijkstra(graph, directed=False, indices=sources)[:, first:]
+
+    def route(
+        self, grid: NavigationGrid, start_m: Float[ndarray, " 2"], goal_m: Float[ndarray, " 2"]
+    ) -> Float[ndarray, "k 2"] | None:
+        """A* over the roadmap: a polyline from start to goal, `None` without a connection."""
+        places, edges, costs = self._joined(grid, np.stack([start_m, goal_m]))
+        neighbours: list[list[tuple[int, float]]] = [[] for _ in places]
+        for (a, b), cost in zip(edges.tolist(), costs.tolist(), strict=True):
+            neighbours[a].append((b, cost))
+            neighbours[b].append((a, cost))
+        start, goal = len(places) - 2, len(places) - 1
+        ahead = np.linalg.norm(places - goal_m, axis=1)  # admissible: a metre costs at least 1
+        best = {start: 0.0}
+        before: dict[int, int] = {}
+        queue = [(float(ahead[start]), start)]
+        closed: set[int] = set()
+        while queue:
+            _, node = heapq.heappop(queue)
+            if node == goal:
+                break
+            if node in closed:
+                continue
+            closed.add(node)
+            for other, cost in neighbours[node]:
+                through = best[node] + cost
+                if through < best.get(other, np.inf):
+                    best[other] = through
+                    before[other] = node
+                    heapq.heappush(queue, (through + float(ahead[other]), other))
+        if goal not in best:
+            return None
+        route = [goal]
+        while route[-1] != start:
+            route.append(before[route[-1]])
+        return places[route[::-1]]
+
+    def state(self) -> dict[str, Any]:
+        return {"nodes_m": self.nodes_m.copy(), "edges": self.edges.copy()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.nodes_m = np.array(state["nodes_m"])
+        self.edges = np.array(state["edges"])
+        self._usable = np.zeros(len(self.edges), dtype=bool)
+        self._costs = np.zeros(len(self.edges))

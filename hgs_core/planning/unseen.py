@@ -1,0 +1,128 @@
+"""What stays unseen, and why: every "nothing left" has to answer for it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from scipy.ndimage import find_objects, label
+
+from hgs_core.geometry.boxes import Box
+from hgs_core.planning.plan import SubspaceState, UnseenReason, UnseenRegion
+from hgs_core.planning.subspaces import SubspacePartition
+from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+
+OCCLUDED_VOXELS = 50
+"""Dismissed voxels in smaller clusters are specks behind edges, not regions."""
+OPENING_VOXELS = 100
+"""Free voxels on the region's border in smaller clusters are not openings: 1 m^2 at 0.1 m."""
+
+
+def unseen_regions(
+    voxels: VoxelMap,
+    partition: SubspacePartition,
+    places_m: Float[ndarray, "n 2"],
+    *,
+    camera_range_m: float,
+    region: Box | None,
+) -> tuple[UnseenRegion, ...]:
+    """Clusters of missing, dismissed and out-of-bounds voxels, largest first.
+
+    A missing cluster gets its subspace's reason; one whose subspace is still open would have been visited next:
+    `INTERRUPTED` (the mission knows what ended it). `places_m` are the places where the robot can stand.
+    """
+    regions = [
+        _region(voxels, box, count, _why_missing(voxels, box, partition, places_m, camera_range_m))
+        for box, count in _clusters(voxels.missing(), minimum=1)
+    ]
+    dismissed = _dismissed(voxels)
+    regions += [
+        _region(voxels, box, count, UnseenReason.OCCLUDED)
+        for box, count in _clusters(dismissed, minimum=OCCLUDED_VOXELS)
+    ]
+    if region is not None:
+        regions += [
+            _region(voxels, box, count, UnseenReason.OUT_OF_BOUNDS)
+            for box, count in _clusters(_openings(voxels), minimum=OPENING_VOXELS)
+        ]
+    return tuple(sorted(regions, key=lambda r: (-r.volume_m3, r.lower_m)))
+
+
+Cluster = tuple[slice, slice, slice]
+
+
+def _clusters(mask: Bool[ndarray, "nx ny nz"], *, minimum: int) -> list[tuple[Cluster, int]]:
+    """Bounding slices and sizes of the 26-connected clusters of at least `minimum` voxels."""
+    labels, n = label(mask, structure=np.ones((3, 3, 3), int))
+    if n == 0:
+        return []
+    counts = np.bincount(labels.ravel(), minlength=n + 1)[1:]
+    boxes = find_objects(labels)
+    return [
+        ((box[0], box[1], box[2]), int(count))
+        for box, count in zip(boxes, counts, strict=True)
+        if count >= minimum
+    ]
+
+
+def _region(voxels: VoxelMap, box: Cluster, count: int, reason: UnseenReason) -> UnseenRegion:
+    lower, upper = _corners(voxels, box)
+    return UnseenRegion(
+        lower_m=(float(lower[0]), float(lower[1]), float(lower[2])),
+        upper_m=(float(upper[0]), float(upper[1]), float(upper[2])),
+        volume_m3=count * voxels.config.size_m**3,
+        reason=reason,
+    )
+
+
+def _corners(voxels: VoxelMap, box: Cluster) -> tuple[Float[ndarray, " 3"], Float[ndarray, " 3"]]:
+    size = voxels.config.size_m
+    lower = np.asarray(voxels.lower_m(), dtype=np.float64)
+    return (
+        lower + np.array([axis.start for axis in box]) * size,
+        lower + np.array([axis.stop for axis in box]) * size,
+    )
+
+
+def _why_missing(
+    voxels: VoxelMap,
+    box: Cluster,
+    partition: SubspacePartition,
+    places_m: Float[ndarray, "n 2"],
+    camera_range_m: float,
+) -> UnseenReason:
+    lower, upper = _corners(voxels, box)
+    record = partition.records.get(partition.key_of((lower + upper)[:2] / 2))
+    if record is not None and record.state is SubspaceState.RECONSTRUCTING:
+        return UnseenReason.INTERRUPTED
+    if record is not None and record.exhausted is not None:
+        return record.exhausted
+    outside = np.maximum(np.maximum(lower[:2] - places_m, places_m - upper[:2]), 0.0)
+    in_range = bool(np.any(np.hypot(outside[:, 0], outside[:, 1]) <= camera_range_m))
+    return UnseenReason.BELOW_THRESHOLD if in_range else UnseenReason.UNREACHABLE
+
+
+def _dismissed(voxels: VoxelMap) -> Bool[ndarray, "nx ny nz"]:
+    """Unobserved voxels beside free space that were looked at in vain too often."""
+    free = voxels.states == VoxelState.FREE
+    beside = np.zeros_like(free)
+    for axis in range(3):
+        ahead = [slice(None)] * 3
+        behind = [slice(None)] * 3
+        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
+        beside[tuple(ahead)] |= free[tuple(behind)]
+        beside[tuple(behind)] |= free[tuple(ahead)]
+    unobserved = voxels.states == VoxelState.UNOBSERVED
+    dismissed: Bool[ndarray, "nx ny nz"] = (
+        unobserved & beside & (voxels.attempts >= voxels.config.max_attempts)
+    )
+    return dismissed
+
+
+def _openings(voxels: VoxelMap) -> Bool[ndarray, "nx ny nz"]:
+    """Free voxels on the four upright sides of the map's box: space goes on behind them."""
+    border = np.zeros(voxels.states.shape, dtype=bool)
+    border[[0, -1]] = True
+    border[:, [0, -1]] = True
+    openings: Bool[ndarray, "nx ny nz"] = border & (voxels.states == VoxelState.FREE)
+    return openings

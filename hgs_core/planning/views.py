@@ -1,0 +1,157 @@
+"""Views: places with a yaw, what they would gain, and the memory of those already taken."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from pydantic import Field
+
+from hgs_core.config.base import StrictConfig
+from hgs_core.gain.viewpoint import GainEvaluator
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.plan import Candidate, CandidateStatus
+
+NEAR_BEST = 0.9
+"""Yaws within this share of the best gain count as equally good: the one that needs least turning is taken."""
+
+
+class ViewMemoryConfig(StrictConfig):
+    """A view that was taken and still promises the same gain promised wrongly: it is believed less each time."""
+
+    same_place_m: float = Field(0.4, gt=0)
+    """Views closer than this ..."""
+    same_yaw_deg: float = Field(30.0, gt=0)
+    """... and within this angle of one that was taken are discounted."""
+    discount: float = Field(0.3, gt=0, lt=1)
+    """Factor on the gain for each time such a view was taken: geometric, so that missions end."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """A place, and its gain at each yaw (after the memory's discount). The plain gains are those at `yaw_rad`."""
+
+    xy_m: Float[ndarray, " 2"]
+    cell: int
+    """Its cell in the current cycle's grid."""
+    yaw_rad: float
+    coverage_gain: float
+    quality_gain: float
+    total_gain: float
+    yaws_rad: Float[ndarray, " n_yaws"]
+    total_by_yaw: Float[ndarray, " n_yaws"]
+
+    def yaw_near(self, heading_rad: float) -> float:
+        """Of the yaws about as good as the best, the one nearest to `heading_rad`."""
+        good = self.yaws_rad[self.total_by_yaw >= NEAR_BEST * float(np.max(self.total_by_yaw))]
+        return float(good[np.argmin(np.abs(wrap_angle(good - heading_rad)))])
+
+    def gain_at(self, yaw_rad: float) -> float:
+        """The total gain at the evaluated yaw nearest to `yaw_rad`."""
+        return float(self.total_by_yaw[np.argmin(np.abs(wrap_angle(self.yaws_rad - yaw_rad)))])
+
+    def at_cell(self, cell: int) -> View:
+        """The same view in another cycle's grid."""
+        return replace(self, cell=cell)
+
+    def state(self) -> dict[str, Any]:
+        """Plain data; the cell belongs to one cycle and is left out."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "cell"}
+
+    @staticmethod
+    def restore(state: dict[str, Any]) -> View:
+        return View(**state, cell=-1)
+
+    def as_candidate(self, status: CandidateStatus, z_m: float) -> Candidate:
+        return Candidate(
+            x_m=float(self.xy_m[0]),
+            y_m=float(self.xy_m[1]),
+            z_m=z_m,
+            yaw_rad=self.yaw_rad,
+            coverage_gain=self.coverage_gain,
+            quality_gain=self.quality_gain,
+            total_gain=self.total_gain,
+            status=status,
+        )
+
+
+class ViewMemory:
+    """Which views have been taken on purpose."""
+
+    def __init__(self, config: ViewMemoryConfig) -> None:
+        self.config = config
+        self.taken: Float[ndarray, "n 3"] = np.zeros((0, 3))
+        """x [m], y [m], yaw [rad] of each."""
+
+    def add(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        self.taken = np.concatenate([self.taken, [[x_m, y_m, yaw_rad]]])
+
+    def factors(
+        self, places_m: Float[ndarray, "n 2"], yaws_rad: Float[ndarray, " n_yaws"]
+    ) -> Float[ndarray, "n n_yaws"]:
+        """What a gain at each place and yaw is multiplied by."""
+        apart = np.linalg.norm(places_m[:, None] - self.taken[None, :, :2], axis=2)
+        turned = np.abs(wrap_angle(yaws_rad[:, None] - self.taken[None, :, 2]))
+        same_yaw = (turned < np.radians(self.config.same_yaw_deg)).astype(np.float64)
+        times = (apart < self.config.same_place_m).astype(np.float64) @ same_yaw.T
+        factors: Float[ndarray, "n n_yaws"] = self.config.discount**times
+        return factors
+
+    def state(self) -> dict[str, Any]:
+        return {"taken": self.taken.copy()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.taken = np.array(state["taken"])
+
+
+class ViewScorer:
+    """The gain evaluator with the memory's discount, on a clock of its own (T_VE)."""
+
+    def __init__(self, evaluator: GainEvaluator, memory: ViewMemory, camera_height_m: float) -> None:
+        self.memory = memory
+        self.camera_height_m = camera_height_m
+        self.elapsed_s = 0.0
+        """Wall seconds spent evaluating since it was last set to 0."""
+        self._evaluator = evaluator
+
+    def score(
+        self, snapshot: MapSnapshot, places_m: Float[ndarray, "n 2"], cells: list[int], observed_share: float
+    ) -> list[View]:
+        """One view a place, at its best yaw."""
+        if not len(places_m):
+            return []
+        started = time.perf_counter()
+        positions = np.column_stack([places_m, np.full(len(places_m), self.camera_height_m)])
+        gains = self._evaluator.evaluate(snapshot, positions, observed_share=observed_share)
+        totals = np.asarray(gains.total_by_yaw) * self.memory.factors(places_m, gains.yaws_rad)
+        best = np.argmax(totals, axis=1)
+        views = [
+            View(
+                xy_m=places_m[i],
+                cell=cells[i],
+                yaw_rad=float(gains.yaws_rad[best[i]]),
+                coverage_gain=float(gains.coverage_by_yaw[i, best[i]]),
+                quality_gain=float(gains.quality_by_yaw[i, best[i]]),
+                total_gain=float(totals[i, best[i]]),
+                yaws_rad=gains.yaws_rad,
+                total_by_yaw=totals[i],
+            )
+            for i in range(len(places_m))
+        ]
+        self.elapsed_s += time.perf_counter() - started
+        return views
+
+
+def wrap_angle(angle_rad: Float[ndarray, "*shape"]) -> Float[ndarray, "*shape"]:
+    """To [-pi, pi)."""
+    wrapped: Float[ndarray, "*shape"] = (angle_rad + np.pi) % (2 * np.pi) - np.pi
+    return wrapped
+
+
+def turn_rad(from_rad: float, to_rad: float) -> float:
+    """The unsigned angle between two headings."""
+    return abs((to_rad - from_rad + np.pi) % (2 * np.pi) - np.pi)

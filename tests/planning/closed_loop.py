@@ -1,0 +1,92 @@
+"""Drives a planner through a closed world until it says that nothing is left."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from closed_world import CAMERA_HEIGHT_M, RANGE_M, ClosedWorld, CountingGain, PointRobot, new_voxels
+
+from hgs_core.planning.config import PlannerConfig
+from hgs_core.planning.hierarchical import HierarchicalPlanner
+from hgs_core.planning.plan import NothingLeft, Plan
+from hgs_core.robot.robot import RobotConfig
+
+
+@dataclass
+class ClosedMission:
+    robot: PointRobot
+    plans: list[Plan] = field(default_factory=list)
+    views: list[tuple[float, float, float]] = field(default_factory=list)
+    replan_reasons: list[str] = field(default_factory=list)
+    replan_s: list[float] = field(default_factory=list)
+    answer: NothingLeft | None = None
+
+
+def new_planner(world: ClosedWorld, config: PlannerConfig | None = None) -> HierarchicalPlanner:
+    return HierarchicalPlanner(
+        config or PlannerConfig(),
+        RobotConfig(),
+        CountingGain(),
+        camera_height_m=CAMERA_HEIGHT_M,
+        camera_range_m=RANGE_M,
+        region=world.region,
+    )
+
+
+def run_mission(
+    world: ClosedWorld,
+    *,
+    seed: int,
+    start: tuple[float, float, float],
+    config: PlannerConfig | None = None,
+    max_plans: int = 150,
+    verbose: bool = False,
+) -> ClosedMission:
+    robot = PointRobot(world, new_voxels(world), *start)
+    planner = new_planner(world, config)
+    rng = np.random.default_rng(seed)
+    mission = ClosedMission(robot)
+    for yaw in start[2] + np.radians([0.0, 90.0, 180.0, 270.0]):
+        robot.yaw_rad = float(yaw)
+        robot.observe()
+    while len(mission.plans) < max_plans:
+        answer = planner.plan(robot.snapshot, robot.state, rng)
+        if isinstance(answer, NothingLeft):
+            mission.answer = answer
+            break
+        mission.plans.append(answer)
+        if verbose:
+            print(
+                f"{robot.time_s:6.1f}s ({robot.x_m:.2f}, {robot.y_m:.2f}) share {answer.observed_share:.2f} "
+                f"T {answer.times.total_s * 1e3:.0f} ms: {answer.reason}"
+            )
+        _drive(robot, planner, answer, mission)
+    return mission
+
+
+def _drive(robot: PointRobot, planner: HierarchicalPlanner, plan: Plan, mission: ClosedMission) -> None:
+    """Until the next view is taken, the path ends, or the planner wants to plan again."""
+    passed = 0
+    for (x_m, y_m), yaw in zip(plan.path.positions_m, plan.path.yaws_rad, strict=True):
+        heading = np.arctan2(y_m - robot.y_m, x_m - robot.x_m)
+        moves = [lambda: robot.turn_to(heading)] if np.hypot(x_m - robot.x_m, y_m - robot.y_m) > 1e-6 else []
+        moves.append(lambda: robot.drive_to(x_m, y_m))
+        if np.isfinite(yaw):
+            moves.append(lambda: robot.turn_to(yaw))
+        for move in moves:
+            arrived = False
+            while not arrived:
+                arrived = move()
+                robot.observe()
+                began = time.perf_counter()
+                reason = planner.should_replan(robot.snapshot, robot.state, plan, passed)
+                mission.replan_s.append(time.perf_counter() - began)
+                if reason is not None:
+                    mission.replan_reasons.append(reason)
+                    return
+        passed += 1
+        if np.isfinite(yaw):
+            mission.views.append((robot.x_m, robot.y_m, robot.yaw_rad))
+            return

@@ -1,0 +1,199 @@
+"""A world with no simulator behind it: true occupancy, ideal rays, a point robot, a counting gain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hgs_core.gain.viewpoint import ViewGains
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.geometry.boxes import Box
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.robot.robot import RobotState
+from hgs_core.sensing.frame import Frame, Scan
+from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
+
+SIZE_M = 0.1
+RANGE_M = 5.0
+CAMERA = CameraIntrinsics.centred(96, 54, 48.0)
+CAMERA_HEIGHT_M = 1.0
+STEP_M = 0.04
+
+
+@dataclass
+class ClosedWorld:
+    """True occupancy over `[0, nx * 0.1) x ...`; its border is solid."""
+
+    solid: np.ndarray
+
+    @property
+    def region(self) -> Box:
+        return Box(lower_m=np.zeros(3), upper_m=np.array(self.solid.shape) * SIZE_M)
+
+    def is_solid(self, points_m: np.ndarray) -> np.ndarray:
+        index = np.floor(points_m / SIZE_M).astype(int)
+        inside = np.all((index >= 0) & (index < self.solid.shape), axis=-1)
+        index = np.clip(index, 0, np.array(self.solid.shape) - 1)
+        return ~inside | self.solid[index[..., 0], index[..., 1], index[..., 2]]
+
+    def ranges_m(self, origin_m: np.ndarray, directions: np.ndarray, reach_m: float) -> np.ndarray:
+        """Length along each direction to the first solid point, +inf beyond `reach_m`."""
+        steps = np.arange(STEP_M, reach_m, STEP_M)
+        hit = self.is_solid(origin_m + steps[:, None, None] * directions[None])
+        return np.where(hit.any(axis=0), steps[hit.argmax(axis=0)], np.inf)
+
+    def frame(self, x_m: float, y_m: float, yaw_rad: float, time_s: float, sequence: int) -> Frame:
+        pose = level_camera_pose(x_m, y_m, CAMERA_HEIGHT_M, yaw_rad)
+        rays = CAMERA.rays().reshape(-1, 3) @ pose.rotation.T
+        depth = self.ranges_m(pose.translation, rays, RANGE_M)
+        return Frame(
+            rgb=np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8),
+            depth_m=depth.reshape(CAMERA.height, CAMERA.width).astype(np.float32),
+            intrinsics=CAMERA,
+            T_world_camera=pose,
+            timestamp_s=time_s,
+            sequence=sequence,
+        )
+
+    def scan(self, x_m: float, y_m: float, time_s: float) -> Scan:
+        bearings = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+        directions = np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros(360)])
+        origin = np.array([x_m, y_m, 0.15])
+        ranges = self.ranges_m(origin, directions, RANGE_M).astype(np.float32)
+        return Scan(origin_m=origin, bearings_rad=bearings, ranges_m=ranges, timestamp_s=time_s)
+
+    def distance_to_solid_m(self, x_m: float, y_m: float, top_m: float = 1.1) -> float:
+        """From a point of the plane to the nearest solid voxel box below `top_m` (above the floor)."""
+        body = self.solid[:, :, 1 : round(top_m / SIZE_M)].any(axis=2)
+        ij = np.argwhere(body)
+        away = np.maximum(np.abs(np.array([x_m, y_m]) / SIZE_M - (ij + 0.5)) - 0.5, 0.0)
+        return float(np.hypot(away[:, 0], away[:, 1]).min()) * SIZE_M
+
+
+def three_rooms() -> ClosedWorld:
+    """Two rooms side by side and one behind them, 0.9 m doors, a table, a shelf; 9 x 7 x 2.5 m."""
+    solid = np.zeros((90, 70, 25), dtype=bool)
+    solid[:, :, 0] = solid[:, :, -1] = True  # floor (the layer below 0.1 m) and ceiling
+    solid[[0, -1]] = solid[:, [0, -1]] = True
+    solid[45, :40] = True
+    solid[45, 14:23, 1:21] = False  # door between A (left) and B (right)
+    solid[:, 40] = True
+    solid[64:73, 40, 1:21] = False  # door between B and C (behind both)
+    solid[10:18, 25:32, 7:8] = True  # a table top in A ...
+    solid[[10, 17], 25, 1:8] = solid[[10, 17], 31, 1:8] = True  # ... on legs
+    solid[70:88, 1:5, 1:18] = True  # a shelf in B
+    solid[20:24, 52:60, 1:12] = True  # a cupboard in the middle of C
+    return ClosedWorld(solid)
+
+
+class CountingGain:
+    """Gain = volume of missing voxels in view: in range, in the field of view, nothing occupied before them."""
+
+    def __init__(self, scale: float = 1.0) -> None:
+        self.scale = scale
+        self.calls = 0
+        self.places = 0
+
+    def evaluate(self, snapshot: MapSnapshot, positions_m: np.ndarray, *, observed_share: float) -> ViewGains:
+        self.calls += 1
+        self.places += len(positions_m)
+        voxels = snapshot.voxels
+        missing = voxels.centres_m(np.argwhere(voxels.missing()))
+        stride = max(1, len(missing) // 1500)
+        missing, weight = missing[::stride], stride * SIZE_M**3 * self.scale
+        yaws = np.linspace(-np.pi, np.pi, 48, endpoint=False)
+        gains = np.zeros((len(positions_m), len(yaws)))
+        for i, position in enumerate(positions_m):
+            offset = missing - position
+            flat = np.hypot(offset[:, 0], offset[:, 1])
+            near = (flat < RANGE_M) & (np.abs(offset[:, 2]) < flat * np.tan(CAMERA.vertical_fov_rad / 2))
+            seen = offset[near][self._in_sight(voxels, position, missing[near])]
+            bearing = np.arctan2(seen[:, 1], seen[:, 0])
+            turned = np.abs((bearing[:, None] - yaws + np.pi) % (2 * np.pi) - np.pi)
+            gains[i] = weight * np.count_nonzero(turned < CAMERA.horizontal_fov_rad / 2, axis=0)
+        best = gains.argmax(axis=1)
+        rows = np.arange(len(positions_m))
+        return ViewGains(
+            yaws_rad=yaws,
+            coverage_by_yaw=gains,
+            quality_by_yaw=np.zeros_like(gains),
+            total_by_yaw=gains,
+            coverage=gains[rows, best],
+            quality=np.zeros(len(positions_m)),
+            total=gains[rows, best],
+            best_yaw_rad=yaws[best],
+        )
+
+    @staticmethod
+    def _in_sight(voxels: VoxelMap, position: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        if not len(targets):
+            return np.zeros(0, dtype=bool)
+        shares = np.linspace(0.03, 0.97, 30)
+        between = position + shares[:, None, None] * (targets - position)[None]
+        index, inside = voxels.index_of(between.reshape(-1, 3))
+        index = np.clip(index, 0, np.array(voxels.states.shape) - 1)
+        states = voxels.states[index[:, 0], index[:, 1], index[:, 2]]
+        blocked = inside & (states == VoxelState.OCCUPIED)
+        return ~blocked.reshape(len(shares), -1).any(axis=0)
+
+
+@dataclass
+class PointRobot:
+    """Turns in place at 60 deg/s, drives at 1 m/s, observes every 0.4 s."""
+
+    world: ClosedWorld
+    voxels: VoxelMap
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    time_s: float = 0.0
+    length_m: float = 0.0
+    trail: list[tuple[float, float, float]] = field(default_factory=list)
+
+    @property
+    def state(self) -> RobotState:
+        return RobotState(
+            x_m=self.x_m,
+            y_m=self.y_m,
+            yaw_rad=self.yaw_rad,
+            timestamp_s=self.time_s,
+            path_length_m=self.length_m,
+            collisions=0,
+        )
+
+    @property
+    def snapshot(self) -> MapSnapshot:
+        return MapSnapshot(
+            gaussians=GaussianMap(), voxels=self.voxels, version=self.voxels.version, timestamp_s=self.time_s
+        )
+
+    def observe(self) -> None:
+        self.trail.append((self.x_m, self.y_m, self.yaw_rad))
+        self.voxels.integrate_scan(self.world.scan(self.x_m, self.y_m, self.time_s), range_m=RANGE_M)
+        frame = self.world.frame(self.x_m, self.y_m, self.yaw_rad, self.time_s, len(self.trail))
+        self.voxels.integrate_frame(frame, range_m=RANGE_M)
+
+    def turn_to(self, yaw_rad: float) -> bool:
+        """One frame's worth of turning; true when the yaw is taken."""
+        difference = (yaw_rad - self.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+        step = np.clip(difference, -np.radians(24.0), np.radians(24.0))
+        self.yaw_rad += float(step)
+        self.time_s += abs(float(step)) / np.radians(60.0)
+        return bool(abs(difference) <= np.radians(24.0))
+
+    def drive_to(self, x_m: float, y_m: float) -> bool:
+        """One frame's worth of driving; true on arrival."""
+        away = float(np.hypot(x_m - self.x_m, y_m - self.y_m))
+        step = min(away, 0.4)
+        if away > 0:
+            self.x_m += (x_m - self.x_m) * step / away
+            self.y_m += (y_m - self.y_m) * step / away
+        self.time_s += step
+        self.length_m += step
+        return away <= 0.4
+
+
+def new_voxels(world: ClosedWorld) -> VoxelMap:
+    return VoxelMap(VoxelConfig(pixel_stride=1), region=world.region)
