@@ -94,7 +94,7 @@ class ReferenceOptimiser:
 
 
 def test_steps_are_those_of_autograd_and_adam() -> None:
-    """Moments are compared by their size, parameters by that of a step: where a gradient is all but zero, Adam
+    """Moments are compared by size, parameters by that of a step: where a gradient is all but zero, Adam
     turns its rounding into a full step, so a small share of entries may differ by up to that."""
     gaussians, view = scene(), target()
     reference = ReferenceOptimiser(gaussians)

@@ -71,7 +71,7 @@ def test_native_gradient_is_autograds(n: int) -> None:
     reference = TorchBackend().backward(gaussians, CAMERA, POSE, *incoming)
     scale = np.abs(reference).max(axis=0)
     np.testing.assert_allclose(native / scale, reference / scale, atol=2e-5)
-    assert np.count_nonzero(reference.any(axis=1)) >= 15
+    assert np.count_nonzero(reference.any(axis=1)) >= 10
 
 
 def test_reference_gradient_is_the_numeric_one() -> None:
