@@ -1,0 +1,66 @@
+"""The command line put together: subcommands, `--version`, and how errors are told."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from app.cli.console import ERRORS, OUTPUT
+from app.cli.evaluate import evaluate
+from app.cli.exit_codes import ExitCode
+from app.cli.presets import presets
+from app.cli.run import run
+from app.cli.scenes import scenes
+from app.cli.serve import serve
+from hgs_core.errors import HgsError
+
+
+class _ExplainingGroup(TyperGroup):
+    """Tells expected errors in one line; anything else is a defect and keeps its traceback (exit code 1)."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except HgsError as error:
+            ERRORS.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+            raise typer.Exit(ExitCode.USAGE) from error
+        except BrokenPipeError:
+            raise  # the reader of our output is gone: the command line's own way to end quietly
+        except OSError as error:
+            ERRORS.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+            raise typer.Exit(ExitCode.FAILED) from error
+
+
+application = typer.Typer(
+    name="hgs",
+    cls=_ExplainingGroup,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+application.command()(run)
+application.command()(evaluate)
+application.command()(scenes)
+application.command()(presets)
+application.command()(serve)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        OUTPUT.print(f"hgs {version('hgs')}", highlight=False)
+        raise typer.Exit
+
+
+@application.callback()
+def root(
+    _version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Active scene reconstruction: a robot explores an unknown building, maps it with Gaussians, and stops
+    by itself."""

@@ -1,0 +1,50 @@
+"""Ctrl-C as an operator's STOP: the mission ends in order and leaves a complete folder."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, Final, Self
+
+from hgs_core.mission.events import Command
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+class InterruptCommands:
+    """A `CommandSource` that turns SIGINT and SIGTERM into one STOP, while used as a context manager.
+
+    Further signals do not kill what is being written; `say` tells the operator so. Works in the main thread
+    only, as signals do.
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._stop_requested = False
+        self._delivered = False
+        self._previous: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Self:
+        for number in _SIGNALS:
+            self._previous[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def poll(self) -> Command | None:
+        if self._stop_requested and not self._delivered:
+            self._delivered = True
+            return Command.STOP
+        return None
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self._stop_requested:
+            self._say("already stopping: the results are being written, please wait")
+        else:
+            self._say("stopping: the mission ends here and its results are written")
+        self._stop_requested = True

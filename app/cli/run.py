@@ -1,0 +1,66 @@
+"""`hgs run`: one mission from a preset to a folder of results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.console import ERRORS, OUTPUT
+from app.cli.exit_codes import exit_code_of
+from app.cli.interrupts import InterruptCommands
+from app.cli.progress import MissionProgress
+from app.cli.report_table import report_table
+
+
+def run(
+    scene: Annotated[str, typer.Option(help="house, house:SEED, or a mesh file (.glb, .gltf, .obj, .ply).")],
+    out: Annotated[Path, typer.Option(help="Folder for the results; must be absent or empty.")],
+    preset: Annotated[str, typer.Option(help="Mission preset; `hgs presets` lists them.")] = "paper",
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory.")] = 0,
+    max_time: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="Simulated seconds after which to stop.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
+    ] = None,
+) -> None:
+    """Run one mission: explore, map, evaluate, and leave a folder of results.
+
+    Ctrl-C ends the mission in order: the folder is complete, with stop_reason "interrupted".
+
+    Exit codes:
+    0 - the mission is complete;
+    2 - an option, preset or scene is wrong, and nothing was run;
+    3 - the mission ended before all was seen (time limit, or stuck);
+    4 - the mission failed on its way, or its folder could not be written;
+    130 - it was interrupted.
+    """
+    overrides = parse_settings(settings or [])
+    from hgs_core.mission import run as mission  # takes seconds to import: not for --help and wrong options
+
+    request = mission.MissionRequest(
+        scene=scene, preset=preset, seed=seed, out=out, max_time_s=max_time, overrides=overrides
+    )
+    progress = MissionProgress(ERRORS)
+    with progress, InterruptCommands(progress.say) as commands:
+        report = mission.run_mission(request, observer=progress, commands=commands)
+    OUTPUT.print(report_table(report))
+    OUTPUT.print(f"results: {out}", highlight=False, soft_wrap=True)
+    raise typer.Exit(exit_code_of(report.stop_reason))
+
+
+def parse_settings(settings: list[str]) -> dict[str, str]:
+    """`key=value` texts as a mapping. A text without `=` or a key given twice is a usage error."""
+    overrides: dict[str, str] = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        key = key.strip()
+        if not equals or not key:
+            raise typer.BadParameter(f"{setting!r} is not KEY=VALUE", param_hint="--set")
+        if key in overrides:
+            raise typer.BadParameter(f"{key} is set twice", param_hint="--set")
+        overrides[key] = value.strip()
+    return overrides
