@@ -11,13 +11,18 @@ import numpy as np
 from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
+from hgs_core.errors import SceneError
 from hgs_core.geometry.boxes import Box
 from hgs_core.scene.free_floor import StartPose, choose_start, start_fault
 from hgs_core.scene.mesh_file import read_mesh_file
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.placement import find_floor_z, placed
+from hgs_core.scene.procedural.house import build_house
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.textured_mesh import TexturedMesh
+
+
+_HOUSE = "house"
 
 
 class StartOptions(StrictConfig):
@@ -63,12 +68,15 @@ def open_scene(
     radius_m: float = 0.25,
     height_m: float = 1.1,
 ) -> Scene:
-    """The world named by `source`: a .glb, .gltf, .obj or .ply file.
+    """The world named by `source`: `house`, `house:SEED`, or a .glb, .gltf, .obj or .ply file.
 
     `radius_m` and `height_m` are the robot's; the start is checked or chosen for them. Raises `SceneError`
     saying what was found and what to do when the mesh cannot serve as a world.
     """
     options = options or SceneOptions()
+    seed = _house_seed(source)
+    if seed is not None:
+        return _built_in_house(seed, options, radius_m, height_m)
     path = Path(source)
     raw, notices = read_mesh_file(path)
     mesh, placing = placed(
@@ -88,10 +96,50 @@ def open_scene(
     )
 
 
+def list_scenes() -> tuple[str, ...]:
+    """Names of the built-in scenes that `open_scene` knows; `house:SEED` gives further layouts."""
+    return (_HOUSE,)
+
+
+def _house_seed(source: str | Path) -> int | None:
+    """The seed in `house` or `house:SEED`, None for anything else."""
+    name, colon, seed = str(source).partition(":")
+    if name != _HOUSE:
+        return None
+    if not colon:
+        return 0
+    if not seed.isdecimal():
+        raise SceneError(f"{source!r} names no house: expected house or house:SEED with SEED = 0, 1, 2, ...")
+    return int(seed)
+
+
+def _built_in_house(seed: int, options: SceneOptions, radius_m: float, height_m: float) -> Scene:
+    if options.scale is not None or options.up_axis is not None or options.floor_z_m is not None:
+        raise SceneError("scale, up_axis and floor_z_m are for mesh files: the built-in house has its own")
+    mesh = build_house(seed)
+    caster = RayCaster(mesh)
+    notices: list[str] = []
+    start = _start(caster, _start_of(options), radius_m, height_m, notices)
+    return Scene(
+        name=f"{_HOUSE}:{seed}" if seed else _HOUSE,
+        mesh=mesh,
+        caster=caster,
+        bounds=mesh.bounds(),
+        start=start,
+        notices=tuple(notices),
+    )
+
+
+def _start_of(options: SceneOptions) -> StartPose | None:
+    if options.start is None:
+        return None
+    given = options.start
+    return StartPose(x_m=given.x_m, y_m=given.y_m, yaw_rad=float(np.deg2rad(given.yaw_deg)))
+
+
 def _given_start(path: Path, options: SceneOptions, notices: list[str]) -> StartPose | None:
     if options.start is not None:
-        given = options.start
-        return StartPose(x_m=given.x_m, y_m=given.y_m, yaw_rad=float(np.deg2rad(given.yaw_deg)))
+        return _start_of(options)
     sidecar = path.with_suffix(".json")
     if not sidecar.is_file():
         return None

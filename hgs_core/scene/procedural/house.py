@@ -1,0 +1,26 @@
+"""`build_house`: a furnished house from a seed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgs_core.scene.procedural.furnishing import furnish
+from hgs_core.scene.procedural.layout import draw_layout
+from hgs_core.scene.procedural.mesh_builder import MeshBuilder
+from hgs_core.scene.procedural.shell import build_shell
+from hgs_core.scene.procedural.surfaces import house_surfaces
+from hgs_core.scene.textured_mesh import TexturedMesh
+
+
+def build_house(seed: int) -> TexturedMesh:
+    """Five or six furnished rooms, floor at z = 0; the same seed gives the same house.
+
+    Layout, surfaces and furniture draw from streams of their own.
+    """
+    layout_seed, surface_seed, furniture_seed = np.random.SeedSequence(seed).spawn(3)
+    layout = draw_layout(np.random.default_rng(layout_seed))
+    surfaces = house_surfaces(np.random.default_rng(surface_seed))
+    builder = MeshBuilder()
+    build_shell(builder, layout, surfaces)
+    furnish(builder, layout, surfaces, np.random.default_rng(furniture_seed))
+    return builder.mesh()
