@@ -21,7 +21,6 @@ from hgs_core.scene.procedural.house import build_house
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.textured_mesh import TexturedMesh
 
-
 _HOUSE = "house"
 
 

@@ -99,7 +99,7 @@ class MeshBuilder:
         """Corners in order lower left, lower right, upper right, upper left as the texture is read."""
         p = np.array(corners, dtype=float)
         points = np.array([[p[0], p[1]], [p[3], p[2]]])
-        width, height = np.linalg.norm(p[1] - p[0]), np.linalg.norm(p[3] - p[0])
+        width, height = float(np.linalg.norm(p[1] - p[0])), float(np.linalg.norm(p[3] - p[0]))
         if surface.size_m is None:
             width = height = 1.0
         elif surface.grain and height > width:
@@ -155,7 +155,7 @@ class MeshBuilder:
             self.sheet(points, self._fitted(np.stack([u, v], axis=-1), surface), surface)
 
     def lathe(self, profile: Sequence[tuple[float, float]], surface: Surface, *, segments: int = 20) -> None:
-        """A solid of revolution about the local z axis; `profile` lists (radius, z) from one end to the other."""
+        """A solid of revolution about the local z axis; `profile` lists (radius, z) end to end."""
         radius, z = np.array(profile, float).T
         angle = np.linspace(0, 2 * np.pi, segments + 1)
         points = np.stack(

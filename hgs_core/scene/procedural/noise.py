@@ -51,6 +51,12 @@ def blended(
     return below + (np.asarray(above, dtype=np.float32) - below) * share
 
 
+def toned(colour: Colour, factor: float) -> Colour:
+    """`colour` made lighter or darker."""
+    red, green, blue = (min(255, int(factor * c)) for c in colour)
+    return red, green, blue
+
+
 def as_image(colours: Float[ndarray, "height width 3"]) -> Image:
     return np.clip(colours + 0.5, 0, 255).astype(np.uint8)
 

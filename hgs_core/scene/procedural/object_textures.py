@@ -14,6 +14,7 @@ from hgs_core.scene.procedural.noise import (
     fractal_noise,
     shaded,
     texel_grid,
+    toned,
 )
 
 VIVID: tuple[Colour, ...] = (
@@ -44,7 +45,7 @@ def painted_wood(rng: np.random.Generator, colour: Colour, *, texels: int = 400)
     strokes = fractal_noise(shape, rng, falloff=0.9, stretch=16.0, coarsest=4.0)
     worn = np.clip(fractal_noise(shape, rng, falloff=1.5) - 2.0, 0, 1)
     image = shaded(colour, 0.035 * strokes + 0.02 * fractal_noise(shape, rng, falloff=1.8))
-    return as_image(blended(image, tuple(int(0.7 * c) for c in colour), 0.7 * worn))
+    return as_image(blended(image, toned(colour, 0.7), 0.7 * worn))
 
 
 def cupboard_front(rng: np.random.Generator, colour: Colour, *, doors: int, drawers: int) -> Image:
@@ -59,7 +60,7 @@ def cupboard_front(rng: np.random.Generator, colour: Colour, *, doors: int, draw
     columns, rows = (doors, 1) if doors else (1, drawers)
     x, y = u * columns % 1.0, v * rows % 1.0
     edge = np.minimum(np.minimum(x, 1 - x) / columns, np.minimum(y, 1 - y) / rows)
-    dark, light = tuple(int(0.4 * c) for c in colour), tuple(int(min(255, 1.15 * c)) for c in colour)
+    dark, light = toned(colour, 0.4), toned(colour, 1.15)
     image = blended(image, dark, 1.5 - edge * 400 / 2.5)
     frame = 0.055
     image = blended(image, dark, 0.55 * np.exp(-(((edge - frame) / 0.006) ** 2)))
@@ -128,7 +129,7 @@ def rug(rng: np.random.Generator, ground: Colour, accents: tuple[Colour, Colour]
 
 def landscape(rng: np.random.Generator, *, texels: tuple[int, int] = (300, 400)) -> Image:
     """Sky with clouds over three ranges of hills and a meadow: also the view out of a window."""
-    v, u = texel_grid(texels)
+    v, _ = texel_grid(texels)
     top, low = np.array([96, 150, 206.0]), np.array([212, 226, 236.0])
     image = top + (low - top) * np.clip(v / 0.6, 0, 1)[..., None] + np.zeros((*texels, 3))
     clouds = np.clip(0.9 * fractal_noise(texels, rng, falloff=1.7, stretch=0.5) - 0.1, 0, 1)

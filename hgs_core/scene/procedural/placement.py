@@ -97,7 +97,7 @@ class FloorPlan:
     def in_the_open(
         self, rng: np.random.Generator, width: float, depth: float, *, gap_m: float = 0.75
     ) -> tuple[float, float] | None:
-        """Takes a place for a piece that is used from all sides, at least `gap_m` from everything; its centre."""
+        """Takes a place for a piece used from all sides, `gap_m` from everything; its centre."""
         (x0, x1), (y0, y1) = self.room.x, self.room.y
         xs = np.arange(x0 + width / 2 + gap_m, x1 - width / 2 - gap_m + 1e-9, 0.1)
         ys = np.arange(y0 + depth / 2 + gap_m, y1 - depth / 2 - gap_m + 1e-9, 0.1)
@@ -112,14 +112,14 @@ class FloorPlan:
     def before(
         self, place: WallPlace, distance: float, width: float, depth: float
     ) -> tuple[float, float] | None:
-        """Takes a place centred in front of a piece, its near edge `distance` from the wall; its centre, or None."""
+        """Takes a place in front of a piece, its near edge `distance` from the wall; its centre, or None."""
         footprint = self._rectangle(place.side, place.along, width, (distance, distance + depth))
         if any(footprint.overlaps(t) for t in self._taken) or not self._take(footprint):
             return None
         return sum(footprint.x) / 2, sum(footprint.y) / 2
 
     def on_wall(self, rng: np.random.Generator, width: float, lowest_m: float) -> WallPlace | None:
-        """Takes a free stretch of wall from `lowest_m` up: no doorway, window, curtain or tall piece there."""
+        """Takes wall from `lowest_m` up that has no doorway, window, curtain or tall piece, or None."""
         options = []
         for side in "xXyY":
             extent = self.room.y if side in "xX" else self.room.x

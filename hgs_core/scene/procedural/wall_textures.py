@@ -14,6 +14,7 @@ from hgs_core.scene.procedural.noise import (
     fractal_noise,
     shaded,
     texel_grid,
+    toned,
 )
 
 
@@ -34,7 +35,7 @@ def planks(rng: np.random.Generator, colour: Colour, *, rows: int, texels: int =
     to_row_edge = np.minimum(v * rows % 1.0, 1.0 - v * rows % 1.0) / rows
     to_cut = np.minimum(along % 1.0, 1.0 - along % 1.0) / cuts
     seam = np.minimum(np.broadcast_to(to_row_edge, shape), to_cut) * texels
-    return as_image(blended(image, tuple(int(0.45 * c) for c in colour), 0.75 * (1.8 - seam)))
+    return as_image(blended(image, toned(colour, 0.45), 0.75 * (1.8 - seam)))
 
 
 def herringbone(rng: np.random.Generator, colour: Colour, *, blocks: int = 6, texels: int = 576) -> Image:
@@ -54,7 +55,7 @@ def herringbone(rng: np.random.Generator, colour: Colour, *, blocks: int = 6, te
         np.minimum(u * blocks % 1.0, 1 - u * blocks % 1.0), np.minimum(v * blocks % 1.0, 1 - v * blocks % 1.0)
     )
     seam = np.minimum(to_edge, square_edge) / blocks * texels
-    return as_image(blended(image, tuple(int(0.5 * c) for c in colour), 0.7 * (1.6 - seam)))
+    return as_image(blended(image, toned(colour, 0.5), 0.7 * (1.6 - seam)))
 
 
 def tiles(
@@ -167,6 +168,4 @@ def ceiling_plaster(rng: np.random.Generator, colour: Colour, *, panels: int = 4
         np.minimum(u * panels % 1.0, 1 - u * panels % 1.0), np.minimum(v * panels % 1.0, 1 - v * panels % 1.0)
     )
     image = shaded(colour, relative)
-    return as_image(
-        blended(image, tuple(int(0.8 * c) for c in colour), 0.8 * (2.2 - to_edge / panels * texels))
-    )
+    return as_image(blended(image, toned(colour, 0.8), 0.8 * (2.2 - to_edge / panels * texels)))
