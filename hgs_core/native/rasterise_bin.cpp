@@ -1,8 +1,8 @@
 // One radix sort of all splats by depth, then one stable counting sort into tiles: every tile's list is front to
 // back without a sort of its own, and the same for any number of threads.
 //
-// Pairs are counted three times by the same code; a fused multiply-add in one of them could round differently, so
-// this file is compiled with -ffp-contract=off.
+// Wide splats are walked three times (numbered, counted, listed) by the same code; a fused multiply-add in one of
+// these could round differently, so this file is compiled with -ffp-contract=off.
 #include <omp.h>
 
 #include <algorithm>
@@ -22,28 +22,43 @@ inline std::uint32_t depth_key(float z) {
   return std::min(bits >> 5, (1u << (2 * RADIX_BITS)) - 1);
 }
 
+constexpr int PREFETCH_AHEAD = 12;
+
 // Calls visit(tile) for every tile that the disc of radius `reach` about (u, v) touches, row by row.
 template <class Visit>
-inline void for_each_tile(float u, float v, float reach, int tiles_x, int tiles_y, Visit&& visit) {
-  // Compared in floats first: a splat next to the camera may reach beyond what an int holds.
-  const float top = (v - reach - (TILE_H - 0.5f)) * (1.0f / TILE_H);
+inline void walk_disc(float u, float v, float reach, int tiles_x, int tiles_y, Visit&& visit) {
+  // Compared in floats first: a splat next to the camera may reach beyond what an int holds. `reach` is rounded up
+  // by more than "+ 1, then truncate" loses at whole numbers.
+  const float top = (v - reach - (TILE_H - 0.5f)) * (1.0f / TILE_H) + 1.0f;
   const float bottom = (v + reach - 0.5f) * (1.0f / TILE_H);
-  if (!(top <= tiles_y - 1) || !(bottom >= 0.0f)) return;
-  const int first_y = top <= 0.0f ? 0 : static_cast<int>(__builtin_ceilf(top));
-  const int last_y = bottom >= tiles_y - 1 ? tiles_y - 1 : static_cast<int>(bottom);
+  if (!(top < tiles_y) || !(bottom >= 0.0f)) return;
+  const int first_y = top > 0.0f ? static_cast<int>(top) : 0;
+  const int last_y = bottom < tiles_y - 1 ? static_cast<int>(bottom) : tiles_y - 1;
   for (int ty = first_y; ty <= last_y; ++ty) {
     const float above = ty * TILE_H + 0.5f - v;
     const float below = v - (ty * TILE_H + TILE_H - 0.5f);
-    const float dy = above > 0.0f ? above : (below > 0.0f ? below : 0.0f);
+    const float dy = std::max(std::max(above, below), 0.0f);
     const float chord2 = reach * reach - dy * dy;
-    if (!(chord2 >= 0.0f)) continue;
-    const float chord = __builtin_sqrtf(chord2);
-    const float left = (u - chord - (TILE_W - 0.5f)) * (1.0f / TILE_W);
+    const float chord = chord2 > 0.0f ? __builtin_sqrtf(chord2) : 0.0f;
+    const float left = (u - chord - (TILE_W - 0.5f)) * (1.0f / TILE_W) + 1.0f;
     const float right = (u + chord - 0.5f) * (1.0f / TILE_W);
-    if (!(left <= tiles_x - 1) || !(right >= 0.0f)) continue;
-    const int first_x = left <= 0.0f ? 0 : static_cast<int>(__builtin_ceilf(left));
-    const int last_x = right >= tiles_x - 1 ? tiles_x - 1 : static_cast<int>(right);
+    if (!(left < tiles_x) || !(right >= 0.0f)) continue;
+    const int first_x = left > 0.0f ? static_cast<int>(left) : 0;
+    const int last_x = right < tiles_x - 1 ? static_cast<int>(right) : tiles_x - 1;
     for (int tx = first_x; tx <= last_x; ++tx) visit(ty * tiles_x + tx);
+  }
+}
+
+template <class Visit>
+inline void for_each_tile(const TileSpan& span, const Splat& splat, int tiles_x, int tiles_y, Visit&& visit) {
+  if (span.mask == 0) {
+    walk_disc(splat.u, splat.v, splat.reach, tiles_x, tiles_y, visit);
+    return;
+  }
+  const int corner = span.y * tiles_x + span.x;
+  for (unsigned mask = span.mask; mask != 0; mask &= mask - 1) {
+    const int bit = std::countr_zero(mask);
+    visit(corner + (bit / SPAN) * tiles_x + bit % SPAN);
   }
 }
 
@@ -63,13 +78,19 @@ void list_keys(Workspace& workspace) {
   std::uint32_t* splats_before = workspace.splats_before.require(n_blocks + 1);
   std::uint32_t* pairs_before = workspace.pairs_before.require(n_blocks + 1);
   Splat* splats = workspace.splats.get();
+  TileSpan* spans = workspace.spans.get();
 #pragma omp parallel for schedule(static)
   for (std::size_t i = 0; i < n_blocks; ++i) {
     std::uint32_t pairs = 0;
     for (std::uint32_t rank = 0; rank < block_splats[i]; ++rank) {
-      Splat& splat = splats[i * BLOCK + rank];
-      splat.first_pair = pairs;
-      for_each_tile(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int) { ++pairs; });
+      const std::size_t slot = i * BLOCK + rank;
+      const Splat& splat = splats[slot];
+      spans[slot].first_pair = pairs;
+      if (spans[slot].mask != 0) {
+        pairs += spans[slot].count;
+      } else {
+        walk_disc(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int) { ++pairs; });
+      }
     }
     pairs_before[i + 1] = pairs;
   }
@@ -86,7 +107,8 @@ void list_keys(Workspace& workspace) {
   for (std::size_t i = 0; i < n_blocks; ++i) {
     for (std::uint32_t rank = 0; rank < block_splats[i]; ++rank) {
       const std::uint32_t slot = static_cast<std::uint32_t>(i * BLOCK + rank);
-      splats[slot].first_pair += pairs_before[i];
+      spans[slot].first_pair += pairs_before[i];
+      splats[slot].first_pair = spans[slot].first_pair;
       keys[splats_before[i] + rank] = (std::uint64_t{depth_key(splats[slot].z)} << 32) | slot;
     }
   }
@@ -134,6 +156,7 @@ void list_by_tile(Workspace& workspace) {
   const std::size_t n_tiles = std::size_t{1} * tiles_x * tiles_y;
   const std::uint64_t* keys = workspace.keys.get();  // two passes: back where they started
   const Splat* splats = workspace.splats.get();
+  const TileSpan* spans = workspace.spans.get();
   std::uint32_t* tile_begin = workspace.tile_begin.require(n_tiles + 1);
   std::uint32_t* counts = workspace.histograms.require(n_tiles * omp_get_max_threads());
   TileEntry* entries = workspace.entries.require(workspace.n_pairs);
@@ -144,8 +167,9 @@ void list_by_tile(Workspace& workspace) {
     std::uint32_t* next = counts + n_tiles * thread;
     std::fill(next, next + n_tiles, 0u);
     for (std::size_t i = mine.begin; i < mine.end; ++i) {
-      const Splat& splat = splats[static_cast<std::uint32_t>(keys[i])];
-      for_each_tile(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int tile) { ++next[tile]; });
+      __builtin_prefetch(&spans[static_cast<std::uint32_t>(keys[std::min(i + PREFETCH_AHEAD, n - 1)])]);
+      const std::uint32_t slot = static_cast<std::uint32_t>(keys[i]);
+      for_each_tile(spans[slot], splats[slot], tiles_x, tiles_y, [&](int tile) { ++next[tile]; });
     }
 #pragma omp barrier
 #pragma omp single
@@ -163,10 +187,10 @@ void list_by_tile(Workspace& workspace) {
       tile_begin[n_tiles] = sum;
     }
     for (std::size_t i = mine.begin; i < mine.end; ++i) {
+      __builtin_prefetch(&spans[static_cast<std::uint32_t>(keys[std::min(i + PREFETCH_AHEAD, n - 1)])]);
       const std::uint32_t slot = static_cast<std::uint32_t>(keys[i]);
-      const Splat& splat = splats[slot];
-      std::uint32_t pair = splat.first_pair;
-      for_each_tile(splat.u, splat.v, splat.reach, tiles_x, tiles_y,
+      std::uint32_t pair = spans[slot].first_pair;
+      for_each_tile(spans[slot], splats[slot], tiles_x, tiles_y,
                     [&](int tile) { entries[next[tile]++] = {slot, pair++}; });
     }
   }

@@ -6,9 +6,52 @@
 
 namespace hgs::HGS_VARIANT {
 
+HGS_INLINE VInt to_int(VFloat a) { return __builtin_convertvector(a, VInt); }  // towards zero
+HGS_INLINE VFloat to_float(VInt a) { return __builtin_convertvector(a, VFloat); }
+
+struct LaneSpans {
+  VInt x, y, mask, count;
+};
+
+// TileSpan of each lane: row by row, the chord of the disc along the tile's nearest line of pixels.
+HGS_INLINE LaneSpans tile_spans(VFloat u, VFloat v, VFloat reach, int tiles_x, int tiles_y) {
+  const VFloat zero{}, last_x = splat_all(tiles_x - 1.0f), last_y = splat_all(tiles_y - 1.0f);
+  const VFloat reach2 = reach * reach;
+  // Limits before the conversion: a splat next to the camera may reach beyond what an int holds.
+  const auto first = [&](VFloat low, float size, VFloat most) HGS_LAMBDA {
+    return to_int(vmin(vmax((low - (size - 0.5f)) * (1.0f / size) + 1.0f, zero), most + 1.0f));
+  };
+  const auto last = [&](VFloat high, float size, VFloat most) HGS_LAMBDA {
+    return to_int(vmax(vmin((high - 0.5f) * (1.0f / size), most), splat_all(-1.0f)) + 1.0f) - 1;
+  };
+  LaneSpans spans;
+  spans.x = first(u - reach, TILE_W, last_x);
+  spans.y = first(v - reach, TILE_H, last_y);
+  const VInt end_x = last(u + reach, TILE_W, last_x), end_y = last(v + reach, TILE_H, last_y);
+  spans.mask = VInt{};
+  spans.count = VInt{};
+  for (int i = 0; i < SPAN; ++i) {
+    const VInt ty = spans.y + i;
+    const VFloat top = to_float(ty) * TILE_H + 0.5f;
+    const VFloat dy = vmax(vmax(top - v, v - (top + (TILE_H - 1.0f))), zero);
+    const VFloat chord = vsqrt(vmax(reach2 - dy * dy, zero));
+    const VInt from = first(u - chord, TILE_W, last_x) - spans.x, to = last(u + chord, TILE_W, last_x) - spans.x;
+    const VInt there = (ty <= end_y) & (to >= from) & (from >= 0) & (to < SPAN);
+    const VInt one = VInt{} + 1;
+    const VInt shift_from = there ? from : VInt{}, shift_to = there ? to : VInt{};
+    const VInt bits = (one << (shift_to + 1)) - (one << shift_from);
+    spans.mask |= there ? bits << (SPAN * i) : VInt{};
+    spans.count += there ? shift_to - shift_from + 1 : VInt{};
+  }
+  const VInt fits = (end_x - spans.x < SPAN) & (end_y - spans.y < SPAN);
+  spans.mask = fits ? spans.mask : VInt{};
+  return spans;
+}
+
 // Projects up to BLOCK rows; returns how many splats may touch a pixel.
 static std::uint32_t project_block(const float* parameters, std::uint32_t first_row, int n_rows,
-                                   const PinholeCamera& camera, Splat* splats) {
+                                   const PinholeCamera& camera, int tiles_x, int tiles_y, Splat* splats,
+                                   TileSpan* spans) {
   alignas(64) float columns[N_PARAMETERS][BLOCK + 16];  // + 16: columns not a power of two apart
   for (int i = 0; i < n_rows; ++i) {
     for (int k = 0; k < N_PARAMETERS; ++k) columns[k][i] = parameters[N_PARAMETERS * i + k];
@@ -46,9 +89,12 @@ static std::uint32_t project_block(const float* parameters, std::uint32_t first_
     store(zs, z);
     store(reaches, reach);
     store(own, own_variance);
+    const LaneSpans tiles = tile_spans(u, v, reach, tiles_x, tiles_y);
     for (int lane = 0; lane < LANES; ++lane) {
       if (kept[lane] == 0 || base + lane >= n_rows) continue;
       const int i = base + lane;
+      spans[n_splats] = {0, static_cast<std::uint16_t>(tiles.x[lane]), static_cast<std::uint16_t>(tiles.y[lane]),
+                         static_cast<std::uint16_t>(tiles.mask[lane]), static_cast<std::uint16_t>(tiles.count[lane])};
       Splat& splat = splats[n_splats++];
       splat.u = us[lane];
       splat.v = vs[lane];
@@ -73,6 +119,7 @@ static void prepare(const GaussianRows& gaussians, const PinholeCamera& camera, 
   const std::size_t n_blocks = workspace.n_visible_blocks;
   const std::uint32_t* blocks = workspace.visible_blocks.get();
   Splat* splats = workspace.splats.require(n_blocks * BLOCK);
+  TileSpan* spans = workspace.spans.require(n_blocks * BLOCK);
   std::uint32_t* counts = workspace.block_splats.require(n_blocks);
   workspace.tiles_x = (camera.width + TILE_W - 1) / TILE_W;
   workspace.tiles_y = (camera.height + TILE_H - 1) / TILE_H;
@@ -85,7 +132,8 @@ static void prepare(const GaussianRows& gaussians, const PinholeCamera& camera, 
       const std::size_t left = gaussians.n - first;
       const int n_rows = left < BLOCK ? static_cast<int>(left) : BLOCK;
       counts[i] = project_block(gaussians.parameters + N_PARAMETERS * first, static_cast<std::uint32_t>(first),
-                                n_rows, camera, splats + i * BLOCK);
+                                n_rows, camera, workspace.tiles_x, workspace.tiles_y, splats + i * BLOCK,
+                                spans + i * BLOCK);
     }
   }
   bin_splats(workspace);

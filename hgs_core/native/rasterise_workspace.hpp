@@ -56,6 +56,16 @@ struct Splat {
   std::uint32_t first_pair;  // its tiles are pairs first_pair .. first_pair + (number of its tiles)
 };
 
+// The tiles that a splat touches: bit 4 * i + j of `mask` is tile (y + i, x + j). A splat that spans more than
+// 4 x 4 tiles has mask 0 and is walked tile by tile.
+struct TileSpan {
+  std::uint32_t first_pair;
+  std::uint16_t x, y;
+  std::uint16_t mask;
+  std::uint16_t count;  // of the bits in mask
+};
+inline constexpr int SPAN = 4;
+
 // A splat in a tile; `pair` numbers all pairs of a splat one after another.
 struct TileEntry {
   std::uint32_t slot;
@@ -73,6 +83,7 @@ struct Workspace {
   Scratch<std::uint32_t> splats_before;  // prefix sums over the visible blocks
   Scratch<std::uint32_t> pairs_before;
   Scratch<Splat> splats;
+  Scratch<TileSpan> spans;  // by slot
   Scratch<std::uint64_t> keys, keys_swap;  // (depth key << 32) | slot
   Scratch<std::uint32_t> histograms;
   Scratch<std::uint32_t> tile_begin;  // (n_tiles + 1)
@@ -99,8 +110,8 @@ class WorkspaceLease {
 // Fills `visible_blocks`: those whose bounds may reach into the image.
 void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace);
 
-// Sorts the splats by depth and lists them by tile (`tile_begin`, `entries`). Needs `splats`, `block_splats` and
-// the number of tiles; sets `Splat::first_pair`.
+// Sorts the splats by depth and lists them by tile (`tile_begin`, `entries`). Needs `splats`, `spans`,
+// `block_splats` and the number of tiles; sets `first_pair`.
 void bin_splats(Workspace& workspace);
 
 }  // namespace hgs
