@@ -6,7 +6,6 @@ import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,23 +31,9 @@ from hgs_core.mission.events import (
 )
 from hgs_core.mission.folder import EventLog, RunFolder
 from hgs_core.mission.mission import MissionRecord
+from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.versions import software_versions
 from hgs_core.native import kernels
-
-
-@dataclass(frozen=True, kw_only=True)
-class MissionRequest:
-    """What to run, and where to leave the results."""
-
-    scene: str
-    """`house`, `house:SEED`, or a mesh file."""
-    preset: str
-    seed: int
-    out: Path
-    max_time_s: float | None
-    """Simulated seconds; None = the preset's limit."""
-    overrides: dict[str, str]
-    """`section.key` -> YAML text, applied on top of the preset."""
 
 
 def run_mission(

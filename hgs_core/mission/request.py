@@ -1,0 +1,21 @@
+"""What is asked of a mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionRequest:
+    """What to run, and where to leave the results."""
+
+    scene: str
+    """`house`, `house:SEED`, or a mesh file."""
+    preset: str
+    seed: int
+    out: Path
+    max_time_s: float | None
+    """Simulated seconds; None = the preset's limit."""
+    overrides: dict[str, str]
+    """`section.key` -> YAML text, applied on top of the preset."""
