@@ -32,6 +32,7 @@ class PanoramaGainEvaluator:
     def __init__(self, config: GainConfig, intrinsics: CameraIntrinsics, range_m: float) -> None:
         self.config = config
         self._range_m = range_m
+        self._focal_px = float(np.sqrt(intrinsics.fx * intrinsics.fy))
         self._grid = PanoramaGrid.for_camera(
             intrinsics, n_azimuths=config.azimuth_bins, n_elevations=config.elevation_bins
         )
@@ -61,7 +62,7 @@ class PanoramaGainEvaluator:
                 first,
                 last,
                 prior_information=self.config.prior_information,
-                unseen_distance_m=self._range_m / 2,
+                focal_px=self._focal_px,
             )
             self._field_of = snapshot
         return self._field

@@ -10,7 +10,7 @@ from jaxtyping import Float32, Int
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
-from hgs_core.gaussians.gaussian_map import BLOCK
+from hgs_core.gaussians.gaussian_map import BLOCK, N_PARAMETERS
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
@@ -20,6 +20,13 @@ OCCUPIED_TRANSMISSION: Final = 0.05
 OPAQUE_BELOW: Final = 0.06
 """A ray ends where less than this is left of it: one occupied voxel ends it, so that the unobserved volume
 behind a closed wall gains nothing."""
+
+SEEN_ONCE_FROM_M: Final = 2.5
+"""A Gaussian that no keyframe has seen counts as seen once from here [m]: some frame did see it."""
+
+HARDLY_SEEN_FROM_M: Final = 8.0
+"""However little is known of a Gaussian, it counts as seen once from here [m]: nothing that stays hidden for
+ever may outweigh a whole room."""
 
 MIN_OPACITY: Final = 0.005
 """Fainter Gaussians are on their way out of the map and count for nothing."""
@@ -55,7 +62,7 @@ def gain_field(
     last: Int[ndarray, " 3"],
     *,
     prior_information: float,
-    unseen_distance_m: float,
+    focal_px: float,
 ) -> GainField:
     """Gather the maps over the voxels with global indices `first <= index < last`, which lie in the map.
 
@@ -63,10 +70,12 @@ def gain_field(
     the voxel that holds its centre. Occupied voxels are nearly opaque whatever their Gaussians, dismissed
     ones (looked at in vain too often) fully; other unobserved voxels are transparent, as in Eq. 4.
 
-    Quality: with `I_ik` the measured training information of parameter `k` of Gaussian `i` and `w_i` the sum
-    of `1 / z^2` over the keyframes that saw it, one more view from distance `d` is expected to add
-    `I_ik / w_i / d^2`. By Eq. 9 in its trace form the view gains `sum_k I_ik / w_i / d^2 / (I_ik + prior)`.
-    Gaussians that no keyframe has seen count as seen once from `unseen_distance_m`.
+    Quality (Eq. 9 in its trace form): with `I_ik` the training information of parameter `k` of Gaussian
+    `i`, one more view from distance `d` gains `q_i / d^2`, `q_i = c_i / I_i,colour * sum_k I_ik / (I_ik +
+    prior)`, where `c_i` is the colour information expected from 1 m: that of its bare splat, `pi o^2
+    (focal_px r)^2`, times the share that neighbours on the surface leave uncovered, as measured on the
+    training views. So what was seen from afar, at a grazing angle or half hidden promises more than what
+    was seen well.
     """
     voxels, gaussians = snapshot.voxels, snapshot.gaussians
     shape = tuple(int(n) for n in last - first)
@@ -82,7 +91,9 @@ def gain_field(
         first * voxels.config.size_m,
         voxels.config.size_m,
         prior_information,
-        unseen_distance_m,
+        focal_px,
+        N_PARAMETERS * SEEN_ONCE_FROM_M**2,
+        N_PARAMETERS * HARDLY_SEEN_FROM_M**2,
         MIN_OPACITY,
         optical_depth,
         quality,

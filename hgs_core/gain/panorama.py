@@ -13,9 +13,8 @@ import hgs_core.native.kernels as kernels
 from hgs_core.gain.field import OPAQUE_BELOW, GainField
 from hgs_core.geometry.camera import CameraIntrinsics
 
-FACE_DEPTH_VOXELS: Final = 1.5
-"""How far behind the first voxel of a surface its Gaussians still count as its face: noise spreads a surface
-over two voxels, and the front one must not hide the other."""
+FACE_GAP_VOXELS: Final = 1.0
+"""Opaque voxels that lie no farther apart along a ray are one face, which does not hide its own Gaussians."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +102,7 @@ def march(
             grid.tan_high,
             range_m / size_m,
             OPAQUE_BELOW,
-            FACE_DEPTH_VOXELS,
+            FACE_GAP_VOXELS,
             volume,
             voxels,
             quality,

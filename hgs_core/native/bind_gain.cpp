@@ -17,8 +17,8 @@ hgs::Grid grid_of(std::size_t nx, std::size_t ny, std::size_t nz) {
 
 void gather_gaussians(Rows8 parameters, Rows8 information, Array<const float, nb::ndim<1>> information_weight,
                       Array<const float, nb::shape<-1, 6>> block_bounds, std::int64_t block,
-                      Array<const double, nb::shape<3>> lower, double cell, double prior, double unseen_distance,
-                      double min_opacity, Volume<float> optical_depth, Volume<float> quality,
+                      Array<const double, nb::shape<3>> lower, double cell, double prior, double focal_px,
+                      double unseen_quality, double max_quality, double min_opacity, Volume<float> optical_depth, Volume<float> quality,
                       Volume<std::int32_t> count) {
   const std::size_t n = parameters.shape(0);
   if (information.shape(0) != n || information_weight.shape(0) != n) {
@@ -37,11 +37,11 @@ void gather_gaussians(Rows8 parameters, Rows8 information, Array<const float, nb
                         {{lower(0), lower(1), lower(2)}, cell},
                         {parameters.data(), information.data(), information_weight.data(), block_bounds.data(),
                          static_cast<std::int64_t>(n), block},
-                        {prior, unseen_distance, min_opacity}, optical_depth.data(), quality.data(), count.data());
+                        {prior, focal_px, unseen_quality, max_quality, min_opacity}, optical_depth.data(), quality.data(), count.data());
 }
 
 void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<const double, nb::shape<-1, 3>> positions,
-                     double tan_low, double tan_high, double range, double opaque_below, double face_depth,
+                     double tan_low, double tan_high, double range, double opaque_below, double face_gap,
                      Volume<float> unseen_volume, Volume<float> unseen_voxels, Volume<float> quality) {
   static_assert(sizeof(hgs::PanoramaCell) == 3 * sizeof(float));
   for (std::size_t a = 0; a < 3; ++a) {
@@ -57,7 +57,7 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<c
                                tan_high,
                                range,
                                opaque_below,
-                               face_depth};
+                               face_gap};
   hgs::march_panoramas(grid_of(cells.shape(0), cells.shape(1), cells.shape(2)),
                        reinterpret_cast<const hgs::PanoramaCell*>(cells.data()), positions.data(),
                        static_cast<std::int64_t>(positions.shape(0)), panorama, unseen_volume.data(),
@@ -69,9 +69,9 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<c
 void bind_gain(nb::module_& m) {
   using namespace nb::literals;
   m.def("gather_gaussians", &gather_gaussians, "parameters"_a, "information"_a, "information_weight"_a,
-        "block_bounds"_a, "block"_a, "lower"_a, "cell"_a, "prior"_a, "unseen_distance"_a, "min_opacity"_a,
-        "optical_depth"_a, "quality"_a, "count"_a, "Add Gaussians to the voxels that hold their centres.");
+        "block_bounds"_a, "block"_a, "lower"_a, "cell"_a, "prior"_a, "focal_px"_a, "unseen_quality"_a,
+        "max_quality"_a, "min_opacity"_a, "optical_depth"_a, "quality"_a, "count"_a, "Add Gaussians to the voxels that hold their centres.");
   m.def("march_panoramas", &march_panoramas, "cells"_a, "positions"_a, "tan_low"_a, "tan_high"_a, "range"_a,
-        "opaque_below"_a, "face_depth"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
+        "opaque_below"_a, "face_gap"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
         "March panoramas (n, elevation, azimuth) through cells (transmission, unseen, quality); lengths in cells.");
 }

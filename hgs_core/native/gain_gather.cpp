@@ -3,9 +3,17 @@
 //   optical depth of a voxel   tau = sum_i o_i 2 pi r_i^2 / face area
 //     (the integral of o exp(-d^2 / 2 r^2) over a plane is 2 pi o r^2: tau is the mean over a face of what
 //      one crossing of the voxel meets)
-//   quality of a voxel         Q = sum_i q_i,   q_i = sum_k I_ik / (I_ik + prior) / w_i
-//     (I_ik: H_train, w_i: sum of 1 / z^2 over the keyframes that saw i, so I_ik / w_i / d^2 is what one more view
-//      from distance d is expected to add, and q_i / d^2 is the gain of Eq. 9 in its trace form)
+//
+//   quality of a voxel         Q = sum_i q_i,   q_i = (c_i / I_i,colour) sum_k I_ik / (I_ik + prior)
+//     I_ik is H_train. One more view is expected to hold information in proportion to what the training views hold,
+//     H_cand,ik = I_ik c_i / (I_i,colour d^2), so q_i / d^2 is the gain of Eq. 9 in its trace form. c_i is the
+//     colour information expected from 1 m: colour information is sum (alpha T)^2 over pixels, which for a
+//     Gaussian of opacity o and screen radius f r / d that nothing covers is pi o^2 (f r / d)^2. Its neighbours on the
+//     surface always cover it partly; the share that is left, s, is measured on the training views of all
+//     Gaussians gathered:
+//       c_i = s pi o_i^2 (f r_i)^2,   s = sum_i I_i,colour / sum_i w_i pi o_i^2 (f r_i)^2,   w_i = sum 1 / z^2
+//     So a Gaussian that its training views saw at a grazing angle, or half hidden, is worth a view although they
+//     were near: each single view counts for what it held, not for its distance.
 //
 // The per-Gaussian part runs in parallel; the sums run in row order, so they do not depend on the threads.
 #include <algorithm>
@@ -20,11 +28,15 @@ namespace hgs {
 void gather_gaussians(const Grid& grid, const GridPlace& place, const GaussianRows& gaussians, const GatherRule& rule,
                       float* optical_depth, float* quality, std::int32_t* count) {
   struct Share {
-    std::int64_t voxel;
-    float optical_depth, quality;
+    std::int64_t voxel = -1;
+    double optical_depth = 0.0;
+    double uncovered = 0.0;  // colour information from 1 m if nothing covered it
+    double colour = 0.0;     // colour information held
+    double weight = 0.0;
+    double settled = 0.0;  // sum_k I_ik / (I_ik + prior)
   };
+  constexpr double kPi = std::numbers::pi;
   const double face = place.cell * place.cell;
-  const double unseen_quality = 8.0 * rule.unseen_distance * rule.unseen_distance;
 
   std::vector<std::int64_t> blocks;
   for (std::int64_t b = 0; b * gaussians.block < gaussians.n; ++b) {
@@ -37,7 +49,7 @@ void gather_gaussians(const Grid& grid, const GridPlace& place, const GaussianRo
   }
 
   const auto n_blocks = static_cast<std::int64_t>(blocks.size());
-  std::vector<Share> shares(static_cast<std::size_t>(n_blocks * gaussians.block), Share{-1, 0.0f, 0.0f});
+  std::vector<Share> shares(static_cast<std::size_t>(n_blocks * gaussians.block));
 #pragma omp parallel for schedule(static)
   for (std::int64_t b = 0; b < n_blocks; ++b) {
     const std::int64_t first = blocks[b] * gaussians.block;
@@ -51,26 +63,31 @@ void gather_gaussians(const Grid& grid, const GridPlace& place, const GaussianRo
       const Cell cell = cell_of(at);
       if (!grid.contains(cell)) continue;
       const double radius = std::exp(static_cast<double>(p[6]));
-      double q = 0.0;
-      const double weight = gaussians.information_weight[i];
-      if (weight > 0.0) {
-        for (int k = 0; k < 8; ++k) {
-          const double information = gaussians.information[8 * i + k];
-          q += information / (information + rule.prior);
-        }
-        q /= weight;
-      } else {
-        q = unseen_quality;
-      }
-      shares[b * gaussians.block + (i - first)] = {
-          grid.offset(cell), static_cast<float>(opacity * 2.0 * std::numbers::pi * radius * radius / face),
-          static_cast<float>(q)};
+      const float* information = gaussians.information + 8 * i;
+      Share& share = shares[b * gaussians.block + (i - first)];
+      share.voxel = grid.offset(cell);
+      share.optical_depth = opacity * 2.0 * kPi * radius * radius / face;
+      share.uncovered = kPi * opacity * opacity * radius * radius * rule.focal_px * rule.focal_px;
+      share.colour = (information[3] + information[4] + information[5]) / 3.0;
+      share.weight = gaussians.information_weight[i];
+      for (int k = 0; k < 8; ++k) share.settled += information[k] / (information[k] + rule.prior);
     }
   }
+
+  double held = 0.0, possible = 0.0;
+  for (const Share& s : shares) {
+    held += s.colour;
+    possible += s.weight * s.uncovered;
+  }
+  const double uncovered_share = possible > 0.0 ? held / possible : 0.0;
   for (const Share& s : shares) {
     if (s.voxel < 0) continue;
-    optical_depth[s.voxel] += s.optical_depth;
-    quality[s.voxel] += s.quality;
+    double q = rule.unseen_quality;
+    if (s.weight > 0.0 && s.colour > 0.0) {
+      q = std::min(uncovered_share * s.uncovered / s.colour * s.settled, rule.max_quality);
+    }
+    optical_depth[s.voxel] += static_cast<float>(s.optical_depth);
+    quality[s.voxel] += static_cast<float>(q);
     ++count[s.voxel];
   }
 }

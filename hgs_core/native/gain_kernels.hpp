@@ -21,9 +21,11 @@ struct GaussianRows {
 };
 
 struct GatherRule {
-  double prior;            // lambda of Eq. 9
-  double unseen_distance;  // Gaussians in no keyframe count as seen once from here [m]
-  double min_opacity;      // fainter Gaussians count for nothing
+  double prior;           // lambda of Eq. 9
+  double focal_px;        // of the camera that the training views were taken with
+  double unseen_quality;  // q_i of a Gaussian in no keyframe [m^2]
+  double max_quality;     // no q_i is larger [m^2]
+  double min_opacity;     // fainter Gaussians count for nothing
 };
 
 void gather_gaussians(const Grid& grid, const GridPlace& place, const GaussianRows& gaussians, const GatherRule& rule,
@@ -40,7 +42,7 @@ struct Panorama {
   double tan_low, tan_high;  // of the elevations at the lower and upper edge
   double range;              // horizontal, in cells
   double opaque_below;       // a ray ends where less than this is left of it
-  double face_depth;         // how far behind a surface's first voxel its Gaussians still count as its face, in cells
+  double face_gap;           // a surface's voxels may lie so far apart along a ray and still be one face, in cells
 };
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,

@@ -8,15 +8,17 @@
 //   unseen voxels   T                                           the same, per pixel (the paper's measure)
 //   quality         T' q (rho_1 - rho_0) du dphi                q = Q_v / V: the integral of q T' dV / rho^2,
 //                                                               that is sum_v T' Q_v / rho^2 over voxels
-// T' is T as it was `face_depth` nearer to the camera: a surface's Gaussians fill the voxels on either side of a
-// voxel border, and a face does not hide itself.
+//
+// T' is T as it was before the face that the ray is in. A face is a run of voxels that stop most of the light, with
+// gaps of at most `face_gap`; it does not hide itself. Without this a surface seen at a grazing angle, whose ray
+// crosses many voxels of its layer, would hide most of its own Gaussians, and so would one that lies at a voxel
+// border and fills both sides. The ray ends where it leaves the face with nothing left of it.
 //
 // Rows are staggered within their bins by the golden ratio: directions spread evenly, and no voxel is missed by
 // all rows at once.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <vector>
 
 #include "gain_kernels.hpp"
 
@@ -24,57 +26,49 @@ namespace hgs {
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
                      const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality) {
+  constexpr float kSurface = 0.5f;
   constexpr double kGolden = 0.6180339887498949;
   const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
   const double volume_scale = std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi;
   const double quality_scale = panorama.range * d_u * d_phi;
-  const double face_depth = panorama.face_depth / panorama.range;
+  const double face_gap = panorama.face_gap / panorama.range;
 
-#pragma omp parallel
-  {
-    std::vector<double> left_at, left;  // T after each voxel passed, and where it was left
-#pragma omp for collapse(2) schedule(dynamic, 4)
-    for (std::int64_t n = 0; n < n_positions; ++n) {
-      for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
-        const Point from{positions[3 * n], positions[3 * n + 1], positions[3 * n + 2]};
-        for (std::int64_t row = 0; row < panorama.n_elevation; ++row) {
-          const double stagger = kGolden * (row + 1);
-          const double phi = (azimuth + stagger - std::floor(stagger)) * d_phi - std::numbers::pi;
-          const double u = panorama.tan_low + (row + 0.5) * d_u;
-          const Point to{from[0] + panorama.range * std::cos(phi), from[1] + panorama.range * std::sin(phi),
-                         from[2] + panorama.range * u};
-          double t_first, t_last, volume = 0.0, voxels = 0.0, gained = 0.0;
-          if (clip_to_grid(grid, from, to, t_first, t_last)) {
-            left_at.clear();
-            left.clear();
-            std::size_t behind = 0;  // voxels left at least face_depth ago
-            double now = 1.0, before_face = 1.0;
-            walk(grid, from, to, t_first, t_last, [&](const Cell& c, double t_0, double t_1) {
-              const PanoramaCell& cell = cells[grid.offset(c)];
-              while (behind < left_at.size() && left_at[behind] <= t_0 - face_depth) before_face = left[behind++];
-              if (before_face < panorama.opaque_below) return false;
-              if (now >= panorama.opaque_below && cell.unseen > 0.0f) {
-                volume += now * (t_1 * t_1 * t_1 - t_0 * t_0 * t_0);
-                voxels += now;
-              }
-              gained += before_face * cell.quality * (t_1 - t_0);
-              if (cell.transmission < 1.0f) {
-                now *= cell.transmission;
-                left_at.push_back(t_1);
-                left.push_back(now);
-              }
-              return true;
-            });
-          }
-          const std::int64_t bin = (n * panorama.n_elevation + row) * panorama.n_azimuth + azimuth;
-          unseen_volume[bin] = static_cast<float>(volume * volume_scale);
-          unseen_voxels[bin] = static_cast<float>(voxels);
-          quality[bin] = static_cast<float>(gained * quality_scale);
+#pragma omp parallel for collapse(2) schedule(dynamic, 4)
+  for (std::int64_t n = 0; n < n_positions; ++n) {
+    for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
+      const Point from{positions[3 * n], positions[3 * n + 1], positions[3 * n + 2]};
+      for (std::int64_t row = 0; row < panorama.n_elevation; ++row) {
+        const double stagger = kGolden * (row + 1);
+        const double phi = (azimuth + stagger - std::floor(stagger)) * d_phi - std::numbers::pi;
+        const double u = panorama.tan_low + (row + 0.5) * d_u;
+        const Point to{from[0] + panorama.range * std::cos(phi), from[1] + panorama.range * std::sin(phi),
+                       from[2] + panorama.range * u};
+        double t_first, t_last, volume = 0.0, voxels = 0.0, gained = 0.0;
+        if (clip_to_grid(grid, from, to, t_first, t_last)) {
+          double now = 1.0, before_face = 1.0, face_left = -1.0;
+          walk(grid, from, to, t_first, t_last, [&](const Cell& c, double t_0, double t_1) {
+            const PanoramaCell& cell = cells[grid.offset(c)];
+            const bool in_face = face_left >= 0.0 && t_0 - face_left <= face_gap;
+            if (!in_face) before_face = now;
+            if (before_face < panorama.opaque_below) return false;
+            if (now >= panorama.opaque_below && cell.unseen > 0.0f) {
+              volume += now * (t_1 * t_1 * t_1 - t_0 * t_0 * t_0);
+              voxels += now;
+            }
+            gained += before_face * cell.quality * (t_1 - t_0);
+            now *= cell.transmission;
+            if (cell.transmission <= kSurface) face_left = t_1;
+            return true;
+          });
         }
+        const std::int64_t bin = (n * panorama.n_elevation + row) * panorama.n_azimuth + azimuth;
+        unseen_volume[bin] = static_cast<float>(volume * volume_scale);
+        unseen_voxels[bin] = static_cast<float>(voxels);
+        quality[bin] = static_cast<float>(gained * quality_scale);
       }
     }
   }
-}
+  }
 
 }  // namespace hgs
