@@ -31,7 +31,7 @@ from hgs_core.mission.events import (
 )
 from hgs_core.mission.folder import EventLog, RunFolder
 from hgs_core.mission.mission import MissionRecord
-from hgs_core.mission.request import MissionRequest
+from hgs_core.mission.request import MissionRequest as MissionRequest
 from hgs_core.mission.versions import software_versions
 from hgs_core.native import kernels
 
