@@ -1,0 +1,83 @@
+"""`hgs presets`, `hgs scenes`, `hgs serve`, `hgs --version`."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from app.cli.application import application
+from hgs_core.config.presets import preset_names
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def hgs(*arguments: str):
+    return CliRunner().invoke(application, list(arguments))
+
+
+def test_version() -> None:
+    assert hgs("--version").stdout.strip() == f"hgs {version('hgs')}"
+
+
+def test_no_command_shows_help() -> None:
+    told = hgs().output
+    for command in ("run", "evaluate", "scenes", "presets", "serve"):
+        assert command in told
+
+
+def test_every_preset_is_listed_and_resolves() -> None:
+    listed = hgs("presets").stdout
+    for name in preset_names("mission"):
+        assert name in listed
+        shown = hgs("presets", name)
+        assert shown.exit_code == 0
+        assert "robot" in yaml.safe_load(shown.stdout)
+
+
+def test_presets_show_what_a_setting_changes() -> None:
+    shown = hgs("presets", "paper", "--set", "threads=1", "--set", "robot.radius_m=0.2")
+    content = yaml.safe_load(shown.stdout)
+    assert (content["threads"], content["robot"]["radius_m"]) == (1, 0.2)
+    assert hgs("presets", "papier").exit_code == 2
+    assert hgs("presets", "--set", "threads=1").exit_code == 2
+
+
+def test_built_in_scenes_are_listed() -> None:
+    result = hgs("scenes")
+    assert result.exit_code == 0
+    assert "house:SEED" in result.stdout
+
+
+def test_facts_of_a_scene(shared_dir: Path) -> None:
+    result = hgs("scenes", str(shared_dir / "scenes" / "pal_home.glb"))
+    assert result.exit_code == 0
+    for fact in ("15.25 x 17.50 x 2.51 m", "9,116 triangles", "12 textures", "(0.34, -4.58)"):
+        assert fact in result.stdout
+
+
+def test_a_scene_that_cannot_serve_says_why(tmp_path: Path) -> None:
+    small = tmp_path / "small.obj"
+    small.write_text(TETRAHEDRON)
+    result = hgs("scenes", str(small), str(tmp_path / "absent.glb"))
+    assert result.exit_code == 2
+    assert f"{small}: " in result.stderr
+    assert "absent.glb" in result.stderr
+
+
+def test_serve_passes_its_options_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from app import main
+
+    calls = []
+    monkeypatch.setattr(main, "serve", lambda **options: calls.append(options))
+    result = hgs("serve", "--port", "8123", "--data-dir", str(tmp_path), "--demo")
+    assert result.exit_code == 0
+    assert calls == [{"host": "127.0.0.1", "port": 8123, "data_dir": tmp_path, "demo": True}]
+    assert "http://127.0.0.1:8123" in result.stderr
+
+
+def test_serve_refuses_an_address_that_others_can_reach(tmp_path: Path) -> None:
+    result = hgs("serve", "--host", "0.0.0.0", "--data-dir", str(tmp_path))
+    assert result.exit_code == 2
+    assert "0.0.0.0" in result.stderr
