@@ -17,7 +17,10 @@ class PlannerConfig(StrictConfig):
     """Settings of `HierarchicalPlanner` (HGS-Planner section III-D)."""
 
     gain_threshold: float = Field(0.2, gt=0)
-    """g_thres of Algorithm 1, on the total gain (1 = the gain configuration's scales): less is not worth a stop."""
+    """g_thres of Algorithm 1, on the total gain (1 = the gain configuration's scales): less is not worth a
+    stop."""
+    abandon_share: float = Field(0.5, gt=0, le=1)
+    """A view on the way is given up when its gain fell below this share of the threshold."""
     recheck_interval_s: float = Field(1.0, gt=0)
     """While driving, the next view's gain is looked at again this often [s of mission time]."""
     navigation: NavigationConfig = NavigationConfig()

@@ -29,6 +29,8 @@ class PlanningCycle:
     """Flat cells where a viewpoint may be: reachable, inside the region."""
     places_m: Float[ndarray, "n_places 2"]
     """Their centres."""
+    roomy: Bool[ndarray, " n_places"]
+    """Which of them have the preferred clearance."""
     horizon: Box
     missing: MissingColumns
     observed_share: float

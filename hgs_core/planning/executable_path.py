@@ -44,7 +44,8 @@ def leg_between(cycle: PlanningCycle, before: View | None, goal: View) -> Float[
     direct = shortest_path(grid, before.cell, goal.cell)
     if direct is not None:
         return direct
-    # The robot's own place joins what the grid keeps apart (it may stand where it could not pass): back, then on.
+    # The robot's own place joins what the grid keeps apart (it may stand where it could not pass): back,
+    # then on.
     return np.concatenate([path_from_robot(grid, reach, before.cell)[::-1], to_goal[1:]])
 
 

@@ -1,8 +1,8 @@
 """The global level: a tour over the reconstructing subspaces outside the horizon (HGS-Planner section III-D).
 
 The paper joins the subspaces' centres. A centre is often inside furniture or a wall, so here each subspace is
-represented by the best of a few reachable places near its missing voxels, scored like any view. This also decides
-when a subspace is exhausted: when even a dense set of places near it gains less than the threshold.
+represented by the best of a few reachable places near its missing voxels, scored like any view. This also
+decides when a subspace is exhausted: when even a dense set of places near it gains less than the threshold.
 """
 
 from __future__ import annotations
@@ -95,6 +95,10 @@ class GlobalPlanner:
     def forget_views(self) -> None:
         """Score every subspace anew in the next tour."""
         self._views = {}
+
+    def forget_view_at(self, place_m: Float[ndarray, " 2"]) -> None:
+        """Score the subspace anew whose view is here: it has turned out to be worth less."""
+        self._views = {key: known for key, known in self._views.items() if np.any(known.view.xy_m != place_m)}
 
     def tour(self, cycle: PlanningCycle, rng: np.random.Generator, *, whole_map: bool) -> GlobalTour:
         """Tour the reconstructing subspaces; with `whole_map`, those inside the horizon, too."""
@@ -192,7 +196,8 @@ class GlobalPlanner:
         cycle: PlanningCycle,
         rng: np.random.Generator,
     ) -> View | None:
-        chosen = poisson_disk(cycle.places_m[candidates], spacing_m, rng, limit=limit)
+        roomy = cycle.roomy[candidates]
+        chosen = poisson_disk(cycle.places_m[candidates], spacing_m, rng, preferred=roomy, limit=limit)
         views = cycle.score(cycle.places[candidates[chosen]])
         return max(views, key=lambda view: view.total_gain, default=None)
 
@@ -226,7 +231,8 @@ class GlobalPlanner:
         by_grid = np.zeros((len(places_m), len(places_m)))
         by_grid[0, 1:] = by_grid[1:, 0] = cycle.reach.distance_m.ravel()[cells]
         by_grid[1:, 1:] = pairwise_costs(cycle.grid, cells)
-        # Between two reachable places there is a way through the robot's, if entering its cells takes an escape.
+        # Between two reachable places there is a way through the robot's, if entering its cells takes an
+        # escape.
         by_grid = np.minimum(by_grid, by_grid[:, :1] + by_grid[:1, :])
         by_roadmap = self.roadmap.pairwise_costs(cycle.grid, places_m)
         return np.where(by_roadmap <= self.config.detour_factor * by_grid, by_roadmap, by_grid)

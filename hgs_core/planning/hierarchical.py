@@ -1,11 +1,13 @@
-"""`HierarchicalPlanner`: HGS-Planner section III-D, the global tour and the local views of Algorithm 1 joined.
+"""`HierarchicalPlanner`: HGS-Planner section III-D, the global tour and the local views of Algorithm 1
+joined.
 
-One cycle: where can the robot drive (navigation grid), what is missing where (subspaces), in which order to visit
-what lies outside the horizon (global tour), which views inside it are worth a stop and in which order (local
-tour), and the path that joins both. The answer is a path or "nothing left", with what stays unseen and why.
+One cycle: where can the robot drive (navigation grid), what is missing where (subspaces), in which order to
+visit what lies outside the horizon (global tour), which views inside it are worth a stop and in which order
+(local tour), and the path that joins both. The answer is a path or "nothing left", with what stays unseen and
+why.
 
-Reads the voxel map, the robot's state and the gain evaluator's scores; decides the same way again for the same
-random generator.
+Reads the voxel map, the robot's state and the gain evaluator's scores; decides the same way again for the
+same random generator.
 """
 
 from __future__ import annotations
@@ -87,6 +89,7 @@ class HierarchicalPlanner:
         self._scorer.elapsed_s = 0.0
         for x_m, y_m, yaw_rad in self._pursuit.views_taken_at(robot):
             self._memory.add(x_m, y_m, yaw_rad)
+        self._memory.current = (robot.x_m, robot.y_m, robot.yaw_rad)
         cycle = self._survey(snapshot, robot)
         self._global.roadmap.grow(cycle.grid, cycle.reach, rng)
         tour = self._global.tour(cycle, rng, whole_map=False)
@@ -130,8 +133,8 @@ class HierarchicalPlanner:
     def should_replan(
         self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int
     ) -> str | None:
-        """`blocked ...` when the remaining path lost its clearance on the newest map; `target already seen ...`
-        when the next view's gain fell below the threshold meanwhile (looked at every `recheck_interval_s`)."""
+        """`blocked ...` when the remaining path lost its clearance on the newest map; `target already seen
+        ...` when little of the next view's gain is left (looked at every `recheck_interval_s`)."""
         blocked = self._pursuit.why_blocked(snapshot.voxels, robot, plan.path, waypoints_passed)
         if blocked is not None or not self._pursuit.recheck_due(robot.timestamp_s):
             return blocked
@@ -144,9 +147,10 @@ class HierarchicalPlanner:
         share = voxels.observed_share(horizon_around(here, self.config.local_level.horizon_m, voxels))
         (view,) = self._scorer.score(snapshot, place[None], [-1], share)
         gain = view.gain_at(yaw)
-        if gain >= self.config.gain_threshold:
+        if gain >= self.config.abandon_share * self.config.gain_threshold:
             return None
-        return f"target already seen: gain {gain:.2f} is left of the {self.config.gain_threshold:.2f} that a stop needs"
+        self._global.forget_view_at(place)
+        return f"target already seen: only gain {gain:.2f} is left of it"
 
     def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
         """What is unseen now. Regions that were still to be visited have the reason `INTERRUPTED`."""
@@ -184,6 +188,7 @@ class HierarchicalPlanner:
             reach=reach,
             places=places,
             places_m=grid.centres_m(places),
+            roomy=grid.clearance_m.ravel()[places] >= self.config.navigation.preferred_clearance_m,
             horizon=horizon,
             missing=self._partition.update(voxels),
             observed_share=voxels.observed_share(horizon),
@@ -289,14 +294,15 @@ class HierarchicalPlanner:
         if not len(cycle.places):
             radius = self._robot.radius_m
             return (
-                f"the robot cannot leave its place: no floor around it has been seen free with {radius:.2f} m of room "
-                f"on every side (is something closer than that, or does no sensor see the floor nearby?); {left}"
+                "the robot cannot leave its place: no floor around it has been seen free with "
+                f"{radius:.2f} m of room on every side (is something closer than that, or does no sensor see "
+                f"the floor nearby?); {left}"
             )
         best = max((view.total_gain for view in local.rejected), default=0.0)
         area = len(cycle.places) * cycle.grid.size_m**2
         return (
-            f"no reachable view gains {self.config.gain_threshold:.2f} or more (best {best:.2f}; the robot can "
-            f"stand on {area:.1f} m^2 of floor); {left}"
+            f"no reachable view gains {self.config.gain_threshold:.2f} or more "
+            f"(best {best:.2f}; the robot can stand on {area:.1f} m^2 of floor); {left}"
         )
 
     def _unseen(self, cycle: PlanningCycle) -> tuple[UnseenRegion, ...]:

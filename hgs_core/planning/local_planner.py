@@ -1,13 +1,13 @@
 """The local level: HGS-Planner Algorithm 1 and the tour over the views that it selects.
 
-Places are the global path's crossing of the horizon and samples at least 1.5 m apart. So that plans do not flicker
-with the dice, the places still worth visiting from the plan before come first, then the robot's own place (turning
-is cheap), then the views that the global level found inside the horizon; random samples fill the gaps. When none of
-them is worth a visit although something in the horizon is missing, samples are drawn again, densely, near what is
-missing.
+Places are the global path's crossing of the horizon and samples at least 1.5 m apart. So that plans do not
+flicker with the dice, the places still worth visiting from the plan before come first, then the robot's own
+place (turning is cheap), then the views that the global level found inside the horizon; random samples fill
+the gaps. When none of them is worth a visit although something in the horizon is missing, samples are drawn
+again, densely, near what is missing.
 
-The tour's costs are seconds: driving at the robot's speed along the grid's path, and turning in place, from the
-heading at the start to the drive's and from there to the view's.
+The tour's costs are seconds: driving at the robot's speed along the grid's path, and turning in place, from
+the heading at the start to the drive's and from there to the view's.
 """
 
 from __future__ import annotations
@@ -119,7 +119,13 @@ class LocalPlanner:
                 kept.append(cell)
         inside = cycle.in_horizon(cycle.places_m)
         taken = np.concatenate([cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(kept, dtype=np.int64))])
-        sampled = poisson_disk(cycle.places_m[inside], self.config.sample_spacing_m, rng, taken_m=taken)
+        sampled = poisson_disk(
+            cycle.places_m[inside],
+            self.config.sample_spacing_m,
+            rng,
+            preferred=cycle.roomy[inside],
+            taken_m=taken,
+        )
         return np.concatenate([np.array(kept, dtype=np.int64), cycle.places[inside][sampled]])
 
     def _sample_densely(self, cycle: PlanningCycle, rng: np.random.Generator) -> list[View]:

@@ -1,24 +1,25 @@
 """Where the robot may stand and drive: a 2-D grid at voxel resolution, from the voxel map alone.
 
-**Traversable.** The *body column* of a cell is its voxels with centres in `(clearance_below_m, height]`. A cell is
-traversable when no voxel of its column is occupied and at least one has been seen free, by the planar scanner
-(0.15 m) or the camera. Everything else is *blocked*: occupied, unseen, outside the map.
+**Traversable.** The *body column* of a cell is its voxels with centres in `(clearance_below_m, height]`. A
+cell is traversable when no voxel of its column is occupied and at least one has been seen free, by the planar
+scanner (0.15 m) or the camera. Everything else is *blocked*: occupied, unseen, outside the map.
 
 **Clearance.** The robot is a disc. Its centre keeps at least its radius from the *box* of every blocked cell:
 exact point-to-box distances, both at cell centres and along straight segments. Cells nearer than
 `preferred_clearance_m` cost more, so that paths keep to the middle where there is room.
 
-**What low overhangs near the start can still do.** A level camera at 1.0 m with +-29.5 degrees of vertical view
-sees nothing lower than `1.0 m - 0.57 d` at distance `d`; the scanner sees 0.15 m only. Something that begins above
-the scanner's plane and ends below that line (a bench or a low table on thin legs beside the start) is in neither's
-view: its cells are traversable by the rule above, and a robot that starts within about 1.5 m of it can touch it.
-Two things keep this rare. Cells whose surroundings still hold unobserved column voxels cost more
-(`unobserved_weight`), so paths prefer what the camera has looked at; and anything 1.8 m or farther away is seen
-down to the floor before the robot comes near it. Nothing short of another sensor removes the rest.
+**What low overhangs near the start can still do.** A level camera at 1.0 m with +-29.5 degrees of vertical
+view sees nothing lower than `1.0 m - 0.57 d` at distance `d`; the scanner sees 0.15 m only. Something that
+begins above the scanner's plane and ends below that line (a bench or a low table on thin legs beside the
+start) is in neither's view: its cells are traversable by the rule above, and a robot that starts within about
+1.5 m of it can touch it. Two things keep this rare. Cells whose surroundings still hold unobserved column
+voxels cost more (`unobserved_weight`), so paths prefer what the camera has looked at; and anything 1.8 m or
+farther away is seen down to the floor before the robot comes near it. Nothing short of another sensor removes
+the rest.
 
-**The robot's own place.** Unseen cells under the footprint count as free: the robot stands there. Occupied ones do
-not: when a new obstacle shows up closer than the radius, `path_search` lets the robot leave by the shortest way
-out, never towards the obstacle.
+**The robot's own place.** Unseen cells under the footprint count as free: the robot stands there. Occupied
+ones do not: when a new obstacle shows up closer than the radius, `path_search` lets the robot leave by the
+shortest way out, never towards the obstacle.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ class NavigationConfig(StrictConfig):
     """What counts as passable, and what a path prefers."""
 
     clearance_below_m: float = Field(0.1, ge=0)
-    """The body column begins above this height [m]: lower things are driven over, and the floor is not an obstacle."""
+    """The body column begins above this height [m]: lower things are driven over, and the floor is not an
+    obstacle."""
     margin_m: float = Field(0.02, ge=0)
     """Kept beyond the radius wherever the room allows it [m]."""
     preferred_clearance_m: float = Field(0.45, gt=0)
@@ -57,7 +59,8 @@ class NavigationConfig(StrictConfig):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NavigationGrid:
-    """Traversability of the floor. Cell `(i, j)` covers `lower_m + [i, i + 1) x [j, j + 1)` times `size_m`."""
+    """Traversability of the floor. Cell `(i, j)` covers `lower_m + [i, i + 1) x [j, j + 1)` times
+    `size_m`."""
 
     lower_m: Float[ndarray, " 2"]
     size_m: float
@@ -123,7 +126,8 @@ def build_navigation_grid(
     robot_xy_m: Float[ndarray, " 2"] | None,
     around_m: Float[ndarray, "n 2"] | None = None,
 ) -> NavigationGrid:
-    """The grid of the whole map, or, with `around_m`, of the part that can bear on a path through those points.
+    """The grid of the whole map, or, with `around_m`, of the part that can bear on a path through those
+    points.
 
     `robot_xy_m` is where the robot stands (its footprint counts as seen); `None` for no robot.
     """

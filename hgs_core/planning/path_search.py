@@ -15,7 +15,8 @@ from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationGrid
 
 ENTRY_RADII_M = (0.3, 0.8, 1.6)
-"""How far from the robot a cell may lie through which it enters the grid: the nearest ring that offers one."""
+"""How far from the robot a cell may lie through which it enters the grid: the nearest ring that offers
+one."""
 SHORTCUT_COST_FACTOR = 1.03
 """A straight line may cost this much more than what it replaces: fewer turns are worth a little."""
 
@@ -50,8 +51,8 @@ def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachF
     """One-to-all Dijkstra from the robot.
 
     The robot stands between cell centres: it enters through passable cells near it that it reaches in a
-    straight line without coming nearer to anything than it is now, or than its radius. When it stands closer than
-    its radius to something just seen, that is the shortest way out: any line that never comes nearer.
+    straight line without coming nearer to anything than it is now, or than its radius. When it stands closer
+    than its radius to something just seen, that is the shortest way out: any line that never comes nearer.
     """
     here = float(grid.path_clearance_m(robot_xy_m[None])[0])
     allowed = min(grid.radius_m, here) - 1e-6
@@ -96,8 +97,9 @@ def pairwise_costs(grid: NavigationGrid, cells: Int[ndarray, " n"]) -> Float[nda
 def smooth(grid: NavigationGrid, points_m: Float[ndarray, "n 2"]) -> Float[ndarray, "m 2"]:
     """Replace runs of a path by straight lines, keeping its ends.
 
-    A line replaces a run when it keeps the radius and margin clear (or at least what the run itself keeps, where
-    the run is tighter) and costs hardly more: so it neither cuts corners nor gives up a preferred clearance.
+    A line replaces a run when it keeps the radius and margin clear (or at least what the run itself keeps,
+    where the run is tighter) and costs hardly more: so it neither cuts corners nor gives up a preferred
+    clearance.
     """
     moved = np.any(np.diff(points_m, axis=0) != 0.0, axis=1)
     points = points_m[np.concatenate([[True], moved])]

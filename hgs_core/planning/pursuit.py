@@ -70,15 +70,19 @@ class Pursuit:
     def why_blocked(
         self, voxels: VoxelMap, robot: RobotState, path: Path, waypoints_passed: int
     ) -> str | None:
-        """Check what remains of the path on the newest map, rebuilding only the part around it.
+        """Check the path as far as its next view on the newest map, rebuilding only the part around it.
 
-        A segment is blocked when it has less than the robot's radius of clearance and less than it had when it
-        was planned (a path out of a tight place is tight from the start).
+        Every view brings a new plan, and what lies behind it is checked once it is passed: so a blocked path
+        is always reported before it is driven, and far-off flicker stops nobody. A segment is blocked when it
+        has less than the robot's radius of clearance and less than it had when it was planned (a path out of
+        a tight place is tight from the start).
         """
         if waypoints_passed >= len(path.positions_m):
             return None
         here = np.array([robot.x_m, robot.y_m])
-        ahead = np.concatenate([here[None], path.positions_m[waypoints_passed:]])
+        views = np.flatnonzero(np.isfinite(path.yaws_rad[waypoints_passed:]))
+        end = waypoints_passed + int(views[0]) + 1 if len(views) else len(path.positions_m)
+        ahead = np.concatenate([here[None], path.positions_m[waypoints_passed:end]])
         grid = build_navigation_grid(
             voxels, self._config.navigation, self._robot, robot_xy_m=here, around_m=ahead
         )

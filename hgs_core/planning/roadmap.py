@@ -1,7 +1,8 @@
 """A sparse random roadmap, grown along the travelled path (HGS-Planner section III-D, after TARE).
 
-Nodes are never moved or dropped; every edge between near nodes is checked against the current grid each cycle, so
-an edge that became blocked is not used, and one that was blocked for want of observation comes into use later.
+Nodes are never moved or dropped; every edge between near nodes is checked against the current grid each
+cycle, so an edge that became blocked is not used, and one that was blocked for want of observation comes into
+use later.
 """
 
 from __future__ import annotations
@@ -78,7 +79,8 @@ class Roadmap:
     def _joined(
         self, grid: NavigationGrid, terminals_m: Float[ndarray, "t 2"]
     ) -> tuple[Float[ndarray, "n_all 2"], Int[ndarray, "m 2"], Float[ndarray, " m"]]:
-        """The usable graph with the terminals as further nodes, each joined to every near node in plain sight."""
+        """The usable graph with the terminals as further nodes, each joined to every near node in plain
+        sight."""
         n = len(self.nodes_m)
         apart = np.linalg.norm(terminals_m[:, None] - self.nodes_m[None], axis=2)
         rows, columns = np.nonzero(apart <= self.config.edge_length_m)

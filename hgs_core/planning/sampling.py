@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 
@@ -12,18 +12,22 @@ def poisson_disk(
     spacing_m: float,
     rng: np.random.Generator,
     *,
+    preferred: Bool[ndarray, " n"] | None = None,
     taken_m: Float[ndarray, "n_taken 2"] | None = None,
     limit: int | None = None,
 ) -> Int[ndarray, " m"]:
-    """Indices of points at least `spacing_m` from each other and from `taken_m`: maximal unless `limit` cuts it.
+    """Indices of points at least `spacing_m` from each other and from `taken_m`, preferred points first.
 
-    Every point left out lies closer than `spacing_m` to a chosen or taken one.
+    Maximal unless `limit` cuts it: every point left out lies closer than `spacing_m` to a chosen or taken
+    one.
     """
     open_ = np.ones(len(points_m), dtype=bool)
     if taken_m is not None:
         for place in taken_m:
             open_ &= np.hypot(*(points_m - place).T) >= spacing_m
     order = rng.permutation(len(points_m))
+    if preferred is not None:
+        order = np.concatenate([order[preferred[order]], order[~preferred[order]]])
     chosen: list[int] = []
     for index in order:
         if limit is not None and len(chosen) >= limit:

@@ -2,9 +2,9 @@
 
 A cuboid spans the full height of the map. It is *unreconstructed* while nothing in it has been observed,
 *reconstructing* while enough is missing, and *reconstructed* when little is missing, or when what is missing
-cannot be gained (*exhausted*: the reason is kept). Hysteresis, after TARE: a reconstructed cuboid reopens only on
-clear evidence: its missing volume grew by `reopen_volume_m3` beyond the least since it was closed, or, when it was
-exhausted, the robot can now stand in many more places near it.
+cannot be gained (*exhausted*: the reason is kept). Hysteresis, after TARE: a reconstructed cuboid reopens
+only on clear evidence: its missing volume grew by `reopen_volume_m3` beyond the least since it was closed,
+or, when it was exhausted, the robot can now stand in many more places near it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ class SubspaceConfig(StrictConfig):
     reopen_volume_m3: float = Field(0.10, gt=0)
     """The missing volume must grow by this much to reopen a reconstructed cuboid [m^3]."""
     reopen_places: int = Field(60, ge=1)
-    """An exhausted cuboid reopens when this many more cells near it (and half as many again) can be stood on."""
+    """An exhausted cuboid reopens when this many more cells near it (and half as many again) can be stood
+    on."""
 
 
 @dataclass(kw_only=True)
@@ -105,7 +106,8 @@ class SubspacePartition:
         record.places_at_close = places
 
     def reconsider(self, key: Key, *, places: int) -> None:
-        """Reopen an exhausted cuboid when the robot can stand in clearly more places near it than before."""
+        """Reopen an exhausted cuboid when the robot can stand in clearly more places near it than
+        before."""
         record = self.records[key]
         grown = places - record.places_at_close
         if record.exhausted is not None and grown >= max(

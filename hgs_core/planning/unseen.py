@@ -28,8 +28,9 @@ def unseen_regions(
 ) -> tuple[UnseenRegion, ...]:
     """Clusters of missing, dismissed and out-of-bounds voxels, largest first.
 
-    A missing cluster gets its subspace's reason; one whose subspace is still open would have been visited next:
-    `INTERRUPTED` (the mission knows what ended it). `places_m` are the places where the robot can stand.
+    A missing cluster gets its subspace's reason; one whose subspace is still open would have been visited
+    next: `INTERRUPTED` (the mission knows what ended it). `places_m` are the places where the robot can
+    stand.
     """
     regions = [
         _region(voxels, box, count, _why_missing(voxels, box, partition, places_m, camera_range_m))

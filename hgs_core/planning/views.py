@@ -17,11 +17,16 @@ from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.plan import Candidate, CandidateStatus
 
 NEAR_BEST = 0.9
-"""Yaws within this share of the best gain count as equally good: the one that needs least turning is taken."""
+"""Yaws within this share of the best gain count as equally good: the one that needs least turning is
+taken."""
+
+CURRENT_PLACE_M = 0.1
+"""A place this near to the robot sees what the robot sees now."""
 
 
 class ViewMemoryConfig(StrictConfig):
-    """A view that was taken and still promises the same gain promised wrongly: it is believed less each time."""
+    """A view that was taken and still promises the same gain promised wrongly: it is believed less each
+    time."""
 
     same_place_m: float = Field(0.4, gt=0)
     """Views closer than this ..."""
@@ -33,7 +38,8 @@ class ViewMemoryConfig(StrictConfig):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """A place, and its gain at each yaw (after the memory's discount). The plain gains are those at `yaw_rad`."""
+    """A place, and its gain at each yaw (after the memory's discount). The plain gains are those at
+    `yaw_rad`."""
 
     xy_m: Float[ndarray, " 2"]
     cell: int
@@ -86,6 +92,8 @@ class ViewMemory:
         self.config = config
         self.taken: Float[ndarray, "n 3"] = np.zeros((0, 3))
         """x [m], y [m], yaw [rad] of each."""
+        self.current: tuple[float, float, float] | None = None
+        """The robot's pose when it last planned: what it sees from there is already in the map."""
 
     def add(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         self.taken = np.concatenate([self.taken, [[x_m, y_m, yaw_rad]]])
@@ -99,13 +107,19 @@ class ViewMemory:
         same_yaw = (turned < np.radians(self.config.same_yaw_deg)).astype(np.float64)
         times = (apart < self.config.same_place_m).astype(np.float64) @ same_yaw.T
         factors: Float[ndarray, "n n_yaws"] = self.config.discount**times
+        if self.current is not None:
+            x_m, y_m, yaw_rad = self.current
+            at = np.hypot(places_m[:, 0] - x_m, places_m[:, 1] - y_m) < CURRENT_PLACE_M
+            same = np.abs(wrap_angle(yaws_rad - yaw_rad)) < np.radians(self.config.same_yaw_deg)
+            factors[np.ix_(at, same)] = 0.0
         return factors
 
     def state(self) -> dict[str, Any]:
-        return {"taken": self.taken.copy()}
+        return {"taken": self.taken.copy(), "current": self.current}
 
     def restore(self, state: dict[str, Any]) -> None:
         self.taken = np.array(state["taken"])
+        self.current = None if state["current"] is None else tuple(state["current"])
 
 
 class ViewScorer:

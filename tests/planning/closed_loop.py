@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,7 +43,7 @@ def run_mission(
     start: tuple[float, float, float],
     config: PlannerConfig | None = None,
     max_plans: int = 150,
-    verbose: bool = False,
+    on_plan: Callable[[PointRobot, Plan], None] | None = None,
 ) -> ClosedMission:
     robot = PointRobot(world, new_voxels(world), *start)
     planner = new_planner(world, config)
@@ -57,36 +58,24 @@ def run_mission(
             mission.answer = answer
             break
         mission.plans.append(answer)
-        if verbose:
-            print(
-                f"{robot.time_s:6.1f}s ({robot.x_m:.2f}, {robot.y_m:.2f}) share {answer.observed_share:.2f} "
-                f"T {answer.times.total_s * 1e3:.0f} ms: {answer.reason}"
-            )
+        if on_plan is not None:
+            on_plan(robot, answer)
         _drive(robot, planner, answer, mission)
     return mission
 
 
 def _drive(robot: PointRobot, planner: HierarchicalPlanner, plan: Plan, mission: ClosedMission) -> None:
     """Until the next view is taken, the path ends, or the planner wants to plan again."""
-    passed = 0
-    for (x_m, y_m), yaw in zip(plan.path.positions_m, plan.path.yaws_rad, strict=True):
-        heading = np.arctan2(y_m - robot.y_m, x_m - robot.x_m)
-        moves = [lambda: robot.turn_to(heading)] if np.hypot(x_m - robot.x_m, y_m - robot.y_m) > 1e-6 else []
-        moves.append(lambda: robot.drive_to(x_m, y_m))
-        if np.isfinite(yaw):
-            moves.append(lambda: robot.turn_to(yaw))
-        for move in moves:
-            arrived = False
-            while not arrived:
-                arrived = move()
-                robot.observe()
-                began = time.perf_counter()
-                reason = planner.should_replan(robot.snapshot, robot.state, plan, passed)
-                mission.replan_s.append(time.perf_counter() - began)
-                if reason is not None:
-                    mission.replan_reasons.append(reason)
-                    return
-        passed += 1
-        if np.isfinite(yaw):
-            mission.views.append((robot.x_m, robot.y_m, robot.yaw_rad))
-            return
+    for passed, ((x_m, y_m), yaw) in enumerate(zip(plan.path.positions_m, plan.path.yaws_rad, strict=True)):
+        for arrived in robot.moves_to(x_m, y_m, yaw):
+            robot.observe()
+            taken = bool(np.isfinite(yaw)) and arrived
+            if taken:
+                mission.views.append((robot.x_m, robot.y_m, robot.yaw_rad))
+                return
+            began = time.perf_counter()
+            reason = planner.should_replan(robot.snapshot, robot.state, plan, passed)
+            mission.replan_s.append(time.perf_counter() - began)
+            if reason is not None:
+                mission.replan_reasons.append(reason)
+                return

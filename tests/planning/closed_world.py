@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -101,7 +102,7 @@ class CountingGain:
         self.places += len(positions_m)
         voxels = snapshot.voxels
         missing = voxels.centres_m(np.argwhere(voxels.missing()))
-        stride = max(1, len(missing) // 1500)
+        stride = max(1, len(missing) // 600)
         missing, weight = missing[::stride], stride * SIZE_M**3 * self.scale
         yaws = np.linspace(-np.pi, np.pi, 48, endpoint=False)
         gains = np.zeros((len(positions_m), len(yaws)))
@@ -130,7 +131,7 @@ class CountingGain:
     def _in_sight(voxels: VoxelMap, position: np.ndarray, targets: np.ndarray) -> np.ndarray:
         if not len(targets):
             return np.zeros(0, dtype=bool)
-        shares = np.linspace(0.03, 0.97, 30)
+        shares = np.linspace(0.01, 0.98, 75)
         between = position + shares[:, None, None] * (targets - position)[None]
         index, inside = voxels.index_of(between.reshape(-1, 3))
         index = np.clip(index, 0, np.array(voxels.states.shape) - 1)
@@ -175,16 +176,27 @@ class PointRobot:
         frame = self.world.frame(self.x_m, self.y_m, self.yaw_rad, self.time_s, len(self.trail))
         self.voxels.integrate_frame(frame, range_m=RANGE_M)
 
-    def turn_to(self, yaw_rad: float) -> bool:
-        """One frame's worth of turning; true when the yaw is taken."""
+    def moves_to(self, x_m: float, y_m: float, yaw_rad: float) -> Iterator[bool]:
+        """Turn to the way, drive, take up the yaw (unless NaN), a frame a step; true on arrival."""
+        if np.hypot(x_m - self.x_m, y_m - self.y_m) > 1e-6:
+            heading = float(np.arctan2(y_m - self.y_m, x_m - self.x_m))
+            while not self._turn_to(heading):
+                yield False
+            while not self._drive_to(x_m, y_m):
+                yield False
+        if np.isfinite(yaw_rad):
+            while not self._turn_to(yaw_rad):
+                yield False
+        yield True
+
+    def _turn_to(self, yaw_rad: float) -> bool:
         difference = (yaw_rad - self.yaw_rad + np.pi) % (2 * np.pi) - np.pi
-        step = np.clip(difference, -np.radians(24.0), np.radians(24.0))
-        self.yaw_rad += float(step)
-        self.time_s += abs(float(step)) / np.radians(60.0)
+        step = float(np.clip(difference, -np.radians(24.0), np.radians(24.0)))
+        self.yaw_rad += step
+        self.time_s += abs(step) / np.radians(60.0)
         return bool(abs(difference) <= np.radians(24.0))
 
-    def drive_to(self, x_m: float, y_m: float) -> bool:
-        """One frame's worth of driving; true on arrival."""
+    def _drive_to(self, x_m: float, y_m: float) -> bool:
         away = float(np.hypot(x_m - self.x_m, y_m - self.y_m))
         step = min(away, 0.4)
         if away > 0:

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hgs_core.planning.path_search import pairwise_costs, path_from_robot, reach_from, shortest_path
+from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+from tests.planning.floors import grid_of, room
+
+
+def cluttered(seed: int) -> VoxelMap:
+    rng = np.random.default_rng(seed)
+    voxels = room(60, 50)
+    for i, j in rng.integers(8, 42, (12, 2)):
+        if max(abs(i - 5), abs(j - 5)) > 5:
+            voxels.states[i : i + 3, j : j + 3, 1:8] = VoxelState.OCCUPIED
+    return voxels
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 1000))
+def test_paths_keep_clear_and_lead_where_they_should(seed: int) -> None:
+    grid = grid_of(cluttered(seed))
+    robot = np.array([0.52, 0.57])
+    reach = reach_from(grid, robot)
+    places = np.flatnonzero(reach.reachable.ravel())
+    assert len(places) > 100
+    for cell in np.random.default_rng(seed).choice(places, 8):
+        path = path_from_robot(grid, reach, int(cell))
+        goal = grid.centres_m(np.array([cell]))[0]
+        assert np.array_equal(path[0], robot)
+        np.testing.assert_allclose(path[-1], goal)
+        assert grid.path_clearance_m(path).min() >= 0.25 - 1e-6
+        assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() >= np.linalg.norm(goal - robot) - 1e-9
+
+
+def test_a_straight_way_is_one_line() -> None:
+    grid = grid_of(room(60, 50))
+    start, goal = (int(c) for c in grid.cells_of(np.array([[1.05, 1.05], [4.55, 3.25]]))[0])
+    path = shortest_path(grid, start, goal)
+    assert path is not None
+    assert path.tolist() == pytest.approx(np.array([[1.05, 1.05], [4.55, 3.25]]))
+
+
+def test_where_there_is_room_the_margin_is_kept() -> None:
+    voxels = room(60, 50)
+    voxels.states[25:35, 10:40, 1:8] = VoxelState.OCCUPIED
+    grid = grid_of(voxels)
+    start, goal = (int(c) for c in grid.cells_of(np.array([[1.05, 2.55], [4.95, 2.55]]))[0])
+    path = shortest_path(grid, start, goal)
+    assert path is not None
+    assert grid.path_clearance_m(path).min() >= 0.27
+
+
+def test_no_way_through_a_gap_narrower_than_the_robot() -> None:
+    for gap, passes in ((4, False), (6, True)):
+        voxels = room(60, 50)
+        voxels.states[30, :, 1:8] = VoxelState.OCCUPIED
+        voxels.states[30, 20 : 20 + gap, 1:8] = VoxelState.FREE
+        grid = grid_of(voxels)
+        start, goal = (int(c) for c in grid.cells_of(np.array([[1.05, 2.25], [4.95, 2.25]]))[0])
+        assert (shortest_path(grid, start, goal) is not None) == passes
+        assert np.isfinite(pairwise_costs(grid, np.array([start, goal]))[0, 1]) == passes
+
+
+def test_the_robot_leaves_a_place_that_became_too_tight() -> None:
+    voxels = room(60, 50)
+    voxels.states[22, 23:27, 1:8] = VoxelState.OCCUPIED  # its face at x = 2.3, the robot 0.17 m from it
+    robot = np.array([2.47, 2.5])
+    grid = grid_of(voxels, at=(2.47, 2.5))
+    reach = reach_from(grid, robot)
+    assert reach.escaping
+    cell = int(grid.cells_of(np.array([[4.05, 2.55]]))[0][0])
+    path = path_from_robot(grid, reach, cell)
+    assert grid.path_clearance_m(path).min() >= 0.17 - 1e-6  # never nearer than it stands
+
+
+def test_a_walled_in_robot_reaches_nothing() -> None:
+    voxels = room(60, 50)
+    voxels.states[[20, 30], 20:31, 1:8] = VoxelState.OCCUPIED
+    voxels.states[20:31, [20, 30], 1:8] = VoxelState.OCCUPIED
+    voxels.states[21:30, 21:30] = VoxelState.UNOBSERVED
+    grid = grid_of(voxels, at=(2.55, 2.55))
+    inside = np.flatnonzero(reach_from(grid, np.array([2.55, 2.55])).reachable.ravel())
+    assert np.all(np.linalg.norm(grid.centres_m(inside) - 2.55, axis=1) < 0.5)
