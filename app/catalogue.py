@@ -11,6 +11,8 @@ from app.errors import Invalid
 from app.missions.service import MissionOrder
 from app.schemas import MissionCreate, PresetEntry, SceneEntry
 from hgs_core.config.presets import load_preset, preset_names
+from hgs_core.errors import ConfigError
+from hgs_core.mission.config import resolve_mission_config
 
 MESH_SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply")
 _HOUSE: Final = re.compile(r"^house(:\d{1,9})?$")
@@ -52,6 +54,8 @@ class Catalogue:
         presets = preset_names("mission")
         if wish.preset not in presets:
             errors.append(_unknown("preset", wish.preset, presets))
+        else:
+            errors += _refused_overrides(wish)
         if errors or source is None:
             detail = "; ".join(str(error["message"]) for error in errors)
             raise Invalid(detail, errors=errors)
@@ -94,6 +98,15 @@ def _description(path: Path) -> str:
             if isinstance(content, dict) and isinstance(content.get(key), str):
                 return f"{content[key]} ({size})"
     return size
+
+
+def _refused_overrides(wish: MissionCreate) -> list[dict[str, Any]]:
+    """What the mission's configuration has against the overrides, in its own words."""
+    try:
+        resolve_mission_config(wish.preset, dict(wish.overrides))
+    except ConfigError as error:
+        return [{"field": "overrides", "value": dict(wish.overrides), "message": str(error)}]
+    return []
 
 
 def _unknown(field: str, value: str, allowed: list[str]) -> dict[str, Any]:

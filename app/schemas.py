@@ -91,13 +91,15 @@ class MissionList(ApiModel):
     missions: list[MissionSummary]
     running: str | None
     """The mission that has a process now."""
+    in_scene: str | None
+    """The mission that the 3D scene shows."""
 
 
 class EventPage(ApiModel):
     events: list[dict[str, Any]]
     """In order; each has `sequence` and `kind`."""
     more: bool
-    """Whether there are more above the last one."""
+    """Whether there are more (newer ones; older ones when the newest were asked for)."""
 
 
 class MetricsPage(ApiModel):

@@ -7,6 +7,7 @@ import contextlib
 import json
 from typing import Annotated
 
+import anyio
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 
 from app.deps import MissionDep, ServiceDep
@@ -26,8 +27,14 @@ def list_events(
     after: Annotated[int, Query(ge=0, description="Only events with a higher sequence number")] = 0,
     limit: Annotated[int, Query(ge=1, le=5_000)] = 500,
     kind: Annotated[list[str] | None, Query(description="Only these kinds; repeat for several")] = None,
+    newest: Annotated[
+        bool, Query(description="The last ones instead of the first; `after` is ignored")
+    ] = False,
 ) -> EventPage:
     """Past events in order."""
+    if newest:
+        events, more = mission.log.newest_of(kind, limit)
+        return EventPage(events=events, more=more)
     events, more = mission.log.history(after=after, limit=limit, kinds=kind)
     return EventPage(events=events, more=more)
 
@@ -48,17 +55,16 @@ async def stream_events(websocket: WebSocket, mission_id: str, service: ServiceD
     if after < 0:
         await websocket.close(code=4422, reason=f"after is {after}, expected a sequence number")
         return
-    sending = asyncio.create_task(_send(websocket, mission, after))
-    listening = asyncio.create_task(_until_disconnect(websocket))
-    try:
-        done, _ = await asyncio.wait({sending, listening}, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            with contextlib.suppress(WebSocketDisconnect):
-                task.result()
-    finally:
-        for task in (sending, listening):
-            task.cancel()
-        await asyncio.gather(sending, listening, return_exceptions=True)
+    async with anyio.create_task_group() as group:
+
+        async def listen() -> None:
+            await _until_disconnect(websocket)
+            group.cancel_scope.cancel()
+
+        group.start_soon(listen)
+        with contextlib.suppress(WebSocketDisconnect):
+            await _send(websocket, mission, after)
+        group.cancel_scope.cancel()
 
 
 async def _send(websocket: WebSocket, mission: Mission, cursor: int) -> None:
@@ -79,10 +85,11 @@ async def _send(websocket: WebSocket, mission: Mission, cursor: int) -> None:
                 cursor = event["sequence"]
             if events:
                 continue
-            try:
-                await asyncio.wait_for(changed.wait(), _QUIET_S)
-            except TimeoutError:
-                await websocket.send_text(json.dumps({"kind": "alive", "state": str(mission.state)}))
+            with anyio.move_on_after(_QUIET_S) as quiet:
+                await changed.wait()
+            if quiet.cancelled_caught:
+                alive = {"kind": "alive", "state": str(mission.state), "silent_s": mission.silent_s}
+                await websocket.send_text(json.dumps(alive))
     finally:
         mission.log.remove_waker(wake)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Response, status
 
 from app.api.views import detail, summary
-from app.deps import CatalogueDep, MissionDep, MissionId, ServiceDep
+from app.deps import CatalogueDep, MissionDep, MissionId, ServiceDep, ViewerDep
 from app.missions.mission import Mission
 from app.schemas import MetricsPage, MissionCreate, MissionDetail, MissionList
 
@@ -29,12 +29,13 @@ METRIC_COLUMNS = (
 
 
 @router.get("", operation_id="listMissions")
-def list_missions(service: ServiceDep) -> MissionList:
+def list_missions(service: ServiceDep, viewer: ViewerDep) -> MissionList:
     """All missions, newest first."""
     running = service.running()
     return MissionList(
         missions=[summary(mission) for mission in service.missions()],
         running=running.id if running is not None else None,
+        in_scene=viewer.mission_id if viewer is not None else None,
     )
 
 

@@ -70,10 +70,7 @@ def run_child(task: ChildTask, events: Connection, commands: Connection) -> None
 
 def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: ArraySlot) -> int:
     try:
-        import torch
-
-        torch.set_num_threads(task.threads)
-        from hgs_core.mission.run import MissionRequest
+        from hgs_core.mission.request import MissionRequest
 
         module, _, function = task.runner.partition(":")
         run = getattr(importlib.import_module(module), function)

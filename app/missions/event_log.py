@@ -7,6 +7,7 @@ falls behind, it is given every state change and only the newest telemetry.
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -14,6 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from app.errors import Invalid
+
+log = logging.getLogger(__name__)
 
 Event = dict[str, Any]
 
@@ -34,6 +37,7 @@ class EventLog:
         self._others_forgotten = 0
         self._last = 0
         self._wakers: set[Callable[[], None]] = set()
+        _cut_off_unfinished_line(path)
         for event in _read_lines(path):
             self._remember(event)
         self._file = path.open("a", encoding="utf-8", buffering=1)
@@ -90,6 +94,17 @@ class EventLog:
                 page.append(event)
         return page, False
 
+    def newest_of(self, kinds: Iterable[str] | None, limit: int) -> tuple[list[Event], bool]:
+        """The last `limit` events of the given kinds in memory, in order, and whether there are older ones."""
+        wanted = None if kinds is None else frozenset(kinds)
+        with self._lock:
+            pools = (self._others, self._telemetry)
+            found = sorted(
+                (e for pool in pools for e in pool if wanted is None or e["kind"] in wanted), key=_sequence
+            )
+            forgotten = self._others_forgotten > 0
+        return found[-limit:], len(found) > limit or forgotten
+
     def telemetry(self, *, after: int = 0) -> list[Event]:
         """Telemetry in memory above `after`."""
         with self._lock:
@@ -144,14 +159,22 @@ def _newer(events: deque[Event], after: int) -> list[Event]:
 
 
 def _read_lines(path: Path) -> Iterator[Event]:
-    """Events in the file; a last line cut off by a crash is left out."""
+    """Events in the file; a last line that is being written is left out."""
     if not path.is_file():
         return
     with path.open(encoding="utf-8") as lines:
         for line in lines:
-            if not line.endswith("\n"):
-                return
-            try:
+            if line.endswith("\n"):
                 yield json.loads(line)
-            except json.JSONDecodeError:
-                return
+
+
+def _cut_off_unfinished_line(path: Path) -> None:
+    """Remove what a crash left of a line, so that the next event begins on a line of its own."""
+    if not path.is_file():
+        return
+    with path.open("rb+") as file:
+        content = file.read()
+        whole = content.rfind(b"\n") + 1
+        if whole != len(content):
+            log.warning("%s: dropped an event that a crash cut off", path)
+            file.truncate(whole)

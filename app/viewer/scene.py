@@ -72,6 +72,11 @@ class MissionScene:
         return f"http://{LOOPBACK}:{self._server.get_port()}"
 
     @property
+    def mission_id(self) -> str | None:
+        """The mission that is shown."""
+        return self._mission
+
+    @property
     def server(self) -> viser.ViserServer:
         return self._server
 

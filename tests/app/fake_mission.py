@@ -1,7 +1,7 @@
-"""A mission runner without a simulator: quick, deterministic, and ready to misbehave.
+"""Mission runners without a simulator: quick, deterministic, and some that misbehave.
 
-The real child process, transport, service and viewer run around it. `overrides` steer it:
-`fake.frames`, `fake.frame_s`, `fake.raise_at`, `fake.exit_at`, `fake.deaf` (never polls commands).
+The real child process, transport, service and viewer run around them. `runner(NAME)` is what
+`create_app(settings, runner=...)` takes.
 """
 
 from __future__ import annotations
@@ -43,18 +43,59 @@ from hgs_core.robot.robot import RobotState
 from hgs_core.sensing.frame import Frame
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap
 
-RUNNER = f"{__name__}:run_fake_mission"
-
 FRAME_INTERVAL_S = 0.4
 ROOM_M = (8.0, 5.0, 2.6)
 FURNITURE = ((1.0, 1.0, (0.8, 0.3, 0.2)), (5.5, 3.2, (0.2, 0.4, 0.8)), (3.5, 2.1, (0.3, 0.6, 0.3)))
 
 
-def run_fake_mission(request: Any, *, observer: Any, commands: Any) -> None:
-    """Drive along a circle through one furnished room, `fake.frames` frames long."""
-    options = request.overrides
-    frames = int(options.get("fake.frames", "400"))
-    frame_s = float(options.get("fake.frame_s", "0.02"))
+def runner(name: str) -> str:
+    """The dotted name of one of the runners below."""
+    assert callable(globals()[name])
+    return f"{__name__}:{name}"
+
+
+def run_long(request: Any, *, observer: Any, commands: Any) -> None:
+    """Runs until it is stopped, as far as a test is concerned."""
+    _drive(request, observer, commands, frames=3000)
+
+
+def run_slowly(request: Any, *, observer: Any, commands: Any) -> None:
+    """At the pace of a real mission."""
+    _drive(request, observer, commands, frames=600, frame_s=0.15)
+
+
+def run_short(request: Any, *, observer: Any, commands: Any) -> None:
+    """Ends by itself within a second."""
+    _drive(request, observer, commands, frames=20)
+
+
+def run_failing(request: Any, *, observer: Any, commands: Any) -> None:
+    """Raises an error of the project after a few frames."""
+    _drive(request, observer, commands, frames=20, raise_at=5)
+
+
+def run_vanishing(request: Any, *, observer: Any, commands: Any) -> None:
+    """Its process ends without a word."""
+    _drive(request, observer, commands, frames=20, exit_at=5)
+
+
+def run_deaf(request: Any, *, observer: Any, commands: Any) -> None:
+    """Never reads a command."""
+    _drive(request, observer, commands, frames=3000, deaf=True)
+
+
+def _drive(
+    request: Any,
+    observer: Any,
+    commands: Any,
+    *,
+    frames: int,
+    frame_s: float = 0.02,
+    raise_at: int = -1,
+    exit_at: int = -1,
+    deaf: bool = False,
+) -> None:
+    """Along a circle through one furnished room, obeying commands like the real loop."""
     observer.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason="opening the fake room"))
     rng = np.random.default_rng(request.seed)
     world = _room(rng)
@@ -67,7 +108,7 @@ def run_fake_mission(request: Any, *, observer: Any, commands: Any) -> None:
     paused = False
     frame = 0
     while frame < frames:
-        command = None if "fake.deaf" in options else commands.poll()
+        command = None if deaf else commands.poll()
         time_s = frame * FRAME_INTERVAL_S
         if command is Command.STOP:
             stop_reason, message = StopReason.INTERRUPTED, "stopped by the operator"
@@ -85,9 +126,9 @@ def run_fake_mission(request: Any, *, observer: Any, commands: Any) -> None:
         if paused:
             time.sleep(0.01)
             continue
-        if options.get("fake.raise_at") == str(frame):
+        if frame == raise_at:
             raise SceneError("the fake room has no free floor")
-        if options.get("fake.exit_at") == str(frame):
+        if frame == exit_at:
             os._exit(7)
         share = (frame + 1) / frames
         grown = round(len(world) * share) - gaussians.size

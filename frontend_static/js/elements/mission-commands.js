@@ -1,0 +1,63 @@
+/** Pause, resume and the STOP button. Space pauses and resumes, Shift+S stops. */
+import { element } from "../format.js";
+import { report, store, watch } from "../store.js";
+
+const OCTAGON =
+  '<svg viewBox="0 0 16 16" aria-hidden="true"><path d="M5 0h6l5 5v6l-5 5H5l-5-5V5z"/></svg>';
+
+class MissionCommands extends HTMLElement {
+  connectedCallback() {
+    this.start = element("button", { type: "button", id: "start", class: "primary" }, "Start");
+    this.toggle = element("button", { type: "button", id: "pause", title: "Space" }, "Pause");
+    this.stop = element("button", { type: "button", id: "stop", class: "stop", title: "Shift+S" });
+    this.stop.innerHTML = `${OCTAGON}<span>STOP</span>`;
+    this.append(this.start, this.toggle, this.stop);
+    this.start.addEventListener("click", () => this.#send("start"));
+    this.toggle.addEventListener("click", () => this.#toggle());
+    this.stop.addEventListener("click", () => this.#send("stop"));
+    this.onKey = (event) => this.#key(event);
+    document.addEventListener("keydown", this.onKey);
+    this.unwatch = watch(["mission"], () => this.#draw());
+  }
+
+  disconnectedCallback() {
+    this.unwatch();
+    document.removeEventListener("keydown", this.onKey);
+  }
+
+  #draw() {
+    const state = store.mission?.state;
+    const commands = store.mission?.commands ?? [];
+    this.start.hidden = state !== "created";
+    const paused = state === "paused";
+    this.toggle.textContent = paused ? "Resume" : "Pause";
+    this.toggle.disabled = !(state === "running" || paused);
+    // STOP passes whatever this page believes about the state: only an ended mission cannot be stopped.
+    this.stop.disabled = !store.active && !commands.includes("stop");
+    this.stop.lastElementChild.textContent = state === "stopping" ? "STOPPING" : "STOP";
+  }
+
+  #toggle() {
+    this.#send(store.mission?.state === "paused" ? "resume" : "pause");
+  }
+
+  async #send(command) {
+    try {
+      await store.command(command);
+    } catch (error) {
+      report(error);
+    }
+  }
+
+  #key(event) {
+    const typing = event.target.closest("input, select, textarea, button, a, [role=tab]");
+    if (event.key === "S" && event.shiftKey && !event.target.closest("input, textarea")) {
+      if (!this.stop.disabled) this.#send("stop");
+    } else if (event.key === " " && !typing && !this.toggle.disabled) {
+      event.preventDefault();
+      this.#toggle();
+    }
+  }
+}
+
+customElements.define("mission-commands", MissionCommands);

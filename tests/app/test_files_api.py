@@ -1,0 +1,103 @@
+import io
+
+import numpy as np
+from PIL import Image
+
+from tests.app.conftest import begin, create, wait_for, wait_until
+
+
+def test_images_come_with_a_tag_and_are_sent_once(service):
+    client = service("run_long", display={"interval_s": 0.2})
+    mission = begin(client)
+    path = f"/api/v1/missions/{mission}/images"
+    wait_until(lambda: client.get(f"{path}/observed").status_code == 200)
+    sizes = {"observed": (160, 90), "rendered": (160, 90), "depth": (160, 90), "quality": (300, 169)}
+    for kind, size in sizes.items():
+        answer = client.get(f"{path}/{kind}")
+        image = Image.open(io.BytesIO(answer.content))
+        assert image.size == size, kind
+        assert image.format == ("JPEG" if kind in ("observed", "rendered") else "PNG")
+        assert np.asarray(image).std() > 0, kind
+    client.post(f"/api/v1/missions/{mission}/stop")
+    wait_for(client, mission, "aborted")
+    tag = client.get(f"{path}/depth").headers["etag"]
+    same = client.get(f"{path}/depth", headers={"If-None-Match": tag})
+    assert same.status_code == 304
+    assert same.content == b""
+    assert client.get(f"{path}/depth", headers={"If-None-Match": '"old"'}).status_code == 200
+    assert client.get(f"{path}/sketch").status_code == 422
+
+
+def test_a_mission_without_images_says_so(service):
+    client = service()
+    mission = create(client)
+    answer = client.get(f"/api/v1/missions/{mission}/images/observed")
+    assert answer.status_code == 404
+    assert "no images" in answer.json()["detail"]
+
+
+def test_no_result_name_leads_out_of_the_folder(service):
+    client = service("run_short")
+    mission = begin(client)
+    wait_for(client, mission, "completed")
+    folder = client.app.state.service.get(mission).results_dir
+    (folder / "link.json").symlink_to(folder.parent / "mission.json")
+    (folder / "outside").symlink_to(folder.parent)
+    for name in (
+        "../mission.json",
+        "..%2fmission.json",
+        "%2e%2e/mission.json",
+        "..%5cmission.json",
+        "/etc/passwd",
+        "%2fetc%2fpasswd",
+        "report.json/../../mission.json",
+        "link.json",
+        "outside/mission.json",
+        "report.json%00.txt",
+        "%00",
+    ):
+        answer = client.get(f"/api/v1/missions/{mission}/results/{name}")
+        assert answer.status_code == 404, name
+        assert "idempotency_key" not in answer.text
+
+
+def test_scenes_are_the_house_and_the_meshes_of_the_folder(service, tmp_path):
+    scenes = tmp_path / "scenes"
+    scenes.mkdir()
+    (scenes / "flat.glb").write_bytes(b"glTF")
+    (scenes / "flat.json").write_text('{"description": "A flat"}')
+    (scenes / "notes.txt").write_text("no mesh")
+    client = service("run_short", scenes_dir=scenes)
+    found = {scene["name"]: scene for scene in client.get("/api/v1/scenes").json()}
+    assert list(found) == ["house", "flat.glb"]
+    assert found["flat.glb"]["description"].startswith("A flat")
+    mission = create(client, scene="flat.glb")
+    record = client.app.state.service.get(mission).record
+    assert record.scene_source == str(scenes / "flat.glb")
+
+
+def test_presets_are_described(service):
+    presets = {preset["name"]: preset for preset in service().get("/api/v1/presets").json()}
+    assert {"paper", "quick", "coverage", "quality"} <= set(presets)
+    assert all(preset["description"] for preset in presets.values())
+
+
+def test_the_page_is_served_with_a_strict_policy(service):
+    client = service()
+    page = client.get("/")
+    assert page.status_code == 200
+    assert "<mission-form>" in page.text
+    policy = page.headers["content-security-policy"]
+    assert "script-src 'self'" in policy
+    assert "unsafe" not in policy
+    for asset in ("/js/main.js", "/css/theme.css", "/icon.svg"):
+        assert client.get(asset).status_code == 200
+    assert "http" not in page.text.replace("http-equiv", "")  # nothing comes from elsewhere
+
+
+def test_the_schema_can_be_read(service):
+    schema = service().get("/openapi.json").json()
+    operations = [op for path in schema["paths"].values() for op in path.values()]
+    names = [op["operationId"] for op in operations]
+    assert len(names) == len(set(names))
+    assert "createMission" in names
