@@ -19,6 +19,7 @@ from hgs_core.mission.config import resolve_mission_config
 
 ROOM_M = (4.0, 3.0, 2.5)
 SMALL_CAMERA = {
+    "threads": "1",
     "sensor.camera.width": "96",
     "sensor.camera.height": "56",
     "sensor.camera.focal_px": "48",
