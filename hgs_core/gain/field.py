@@ -14,13 +14,6 @@ from hgs_core.gaussians.gaussian_map import BLOCK, N_PARAMETERS
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
-OCCUPIED_TRANSMISSION: Final = 0.05
-"""What an occupied voxel lets through at most, however few Gaussians stand in it."""
-
-OPAQUE_BELOW: Final = 0.06
-"""A ray ends where less than this is left of it: one occupied voxel ends it, so that the unobserved volume
-behind a closed wall gains nothing."""
-
 SEEN_ONCE_FROM_M: Final = 2.5
 """A Gaussian that no keyframe has seen counts as seen once from here [m]: some frame did see it."""
 
@@ -31,7 +24,7 @@ ever may outweigh a whole room."""
 MIN_OPACITY: Final = 0.005
 """Fainter Gaussians are on their way out of the map and count for nothing."""
 
-TRANSMISSION, UNSEEN, QUALITY = 0, 1, 2
+OPTICAL_DEPTH, UNSEEN, QUALITY = 0, 1, 2
 """Channels of `GainField.cells`."""
 
 
@@ -39,7 +32,7 @@ TRANSMISSION, UNSEEN, QUALITY = 0, 1, 2
 class GainField:
     """The voxels in a box around the viewpoints.
 
-    `cells[..., 0]` is the share of light that a voxel lets through, `cells[..., 1]` is 1 where seeing it is
+    `cells[..., 0]` is a voxel's optical depth over one edge length, `cells[..., 1]` is 1 where seeing it is
     coverage, `cells[..., 2]` is `Q_v`: the expected sum of information ratios of its Gaussians in a view
     from 1 m away [m^2], to be divided by the squared distance.
     """
@@ -67,8 +60,9 @@ def gain_field(
     """Gather the maps over the voxels with global indices `first <= index < last`, which lie in the map.
 
     Opacity: a Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth of
-    the voxel that holds its centre. Occupied voxels are nearly opaque whatever their Gaussians, dismissed
-    ones (looked at in vain too often) fully; other unobserved voxels are transparent, as in Eq. 4.
+    the voxel that holds its centre. Occupied voxels let nothing through whatever their Gaussians, and
+    neither do dismissed ones (looked at in vain too often); other unobserved voxels are transparent, as in
+    Eq. 4.
 
     Quality (Eq. 9 in its trace form): with `I_ik` the training information of parameter `k` of Gaussian
     `i`, one more view from distance `d` gains `q_i / d^2`, `q_i = c_i / I_i,colour * sum_k I_ik / (I_ik +
@@ -119,9 +113,5 @@ def _opacity(
     states = voxels.states[box]
     unobserved = states == VoxelState.UNOBSERVED
     dismissed = unobserved & (voxels.attempts[box] >= voxels.config.max_attempts)
-    transmission = np.exp(-optical_depth)
-    occupied = states == VoxelState.OCCUPIED
-    transmission[occupied] = np.minimum(transmission[occupied], OCCUPIED_TRANSMISSION)
-    transmission[dismissed] = 0.0
-    cells[..., TRANSMISSION] = transmission
+    cells[..., OPTICAL_DEPTH] = np.where(dismissed | (states == VoxelState.OCCUPIED), np.inf, optical_depth)
     cells[..., UNSEEN] = unobserved & ~dismissed

@@ -10,8 +10,11 @@ from jaxtyping import Float, Float32, Float64
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
-from hgs_core.gain.field import OPAQUE_BELOW, GainField
+from hgs_core.gain.field import GainField
 from hgs_core.geometry.camera import CameraIntrinsics
+
+OPAQUE_BELOW: Final = 0.01
+"""A ray ends where less than this is left of it."""
 
 FACE_GAP_VOXELS: Final = 1.0
 """Opaque voxels that lie no farther apart along a ray are one face, which does not hide its own Gaussians."""

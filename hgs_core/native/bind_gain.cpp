@@ -73,5 +73,5 @@ void bind_gain(nb::module_& m) {
         "max_quality"_a, "min_opacity"_a, "optical_depth"_a, "quality"_a, "count"_a, "Add Gaussians to the voxels that hold their centres.");
   m.def("march_panoramas", &march_panoramas, "cells"_a, "positions"_a, "tan_low"_a, "tan_high"_a, "range"_a,
         "opaque_below"_a, "face_gap"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
-        "March panoramas (n, elevation, azimuth) through cells (transmission, unseen, quality); lengths in cells.");
+        "March panoramas (n, elevation, azimuth) through cells (optical depth, unseen, quality); lengths in cells.");
 }

@@ -31,10 +31,10 @@ struct GatherRule {
 void gather_gaussians(const Grid& grid, const GridPlace& place, const GaussianRows& gaussians, const GatherRule& rule,
                       float* optical_depth, float* quality, std::int32_t* count);
 
-// What one voxel means to a ray: the share of light that it lets through; whether seeing it is a gain; and
-// the quality that seeing it from 1 m would add, per volume.
+// What one voxel means to a ray: its optical depth over one edge length (infinite where nothing passes); whether
+// seeing it is a gain; and the quality Q_v of its Gaussians.
 struct PanoramaCell {
-  float transmission, unseen, quality;
+  float optical_depth, unseen, quality;
 };
 
 struct Panorama {

@@ -2,8 +2,8 @@
 //
 // A panorama is a cylinder: columns are azimuths phi, rows are u = tan(elevation), so that a level pinhole camera
 // sees straight rows. With rho the horizontal distance, volume is dV = rho^2 drho du dphi. A ray of bin
-// (du, dphi), split by exact traversal into pieces [rho_0, rho_1] of one voxel each, with T the product of the
-// transmissions of the voxels before, adds
+// (du, dphi), split by exact traversal into pieces [rho_0, rho_1] of one voxel each, with T the share of
+// light that the voxels before let through (exp of minus optical depth times length), adds
 //   unseen volume   T (rho_1^3 - rho_0^3) / 3 du dphi           for a voxel whose sight is a gain
 //   unseen voxels   T                                           the same, per pixel (the paper's measure)
 //   quality         T' q (rho_1 - rho_0) du dphi                q = Q_v / V: the integral of q T' dV / rho^2,
@@ -26,7 +26,7 @@ namespace hgs {
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
                      const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality) {
-  constexpr float kSurface = 0.5f;
+  constexpr float kSurface = 0.6931f;  // stops half of the light over one edge length
   constexpr double kGolden = 0.6180339887498949;
   const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
@@ -44,6 +44,7 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
         const double u = panorama.tan_low + (row + 0.5) * d_u;
         const Point to{from[0] + panorama.range * std::cos(phi), from[1] + panorama.range * std::sin(phi),
                        from[2] + panorama.range * u};
+        const double length = panorama.range * std::sqrt(1.0 + u * u);
         double t_first, t_last, volume = 0.0, voxels = 0.0, gained = 0.0;
         if (clip_to_grid(grid, from, to, t_first, t_last)) {
           double now = 1.0, before_face = 1.0, face_left = -1.0;
@@ -57,8 +58,11 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
               voxels += now;
             }
             gained += before_face * cell.quality * (t_1 - t_0);
-            now *= cell.transmission;
-            if (cell.transmission <= kSurface) face_left = t_1;
+            if (cell.optical_depth > 0.0f) {
+              const bool opaque = std::isinf(cell.optical_depth);
+              now = opaque ? 0.0 : now * std::exp(-cell.optical_depth * (t_1 - t_0) * length);
+              if (cell.optical_depth >= kSurface) face_left = t_1;
+            }
             return true;
           });
         }

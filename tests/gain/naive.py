@@ -1,0 +1,98 @@
+"""The gains' definitions written down plainly: the oracle of the fast march. Tiny maps only."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy import ndarray
+
+from hgs_core.gain.field import GainField
+from hgs_core.gain.panorama import FACE_GAP_VOXELS, OPAQUE_BELOW, PanoramaGrid
+from hgs_core.gaussians.gaussian_map import GaussianMap
+
+SURFACE = np.log(2)
+
+
+def pieces(
+    start: ndarray, end: ndarray, shape: tuple[int, ...]
+) -> list[tuple[tuple[int, ...], float, float]]:
+    """The voxels inside `shape` that a segment crosses, with the segment's parameters at entry and exit."""
+    d = end - start
+    ts = {0.0, 1.0}
+    for axis in range(3):
+        if d[axis] != 0:
+            low, high = sorted((start[axis], end[axis]))
+            ts |= {(x - start[axis]) / d[axis] for x in range(int(np.ceil(low)), int(np.floor(high)) + 1)}
+    crossed = []
+    for a, b in pairwise(sorted(t for t in ts if 0 <= t <= 1)):
+        cell = tuple(int(x) for x in np.floor(start + (a + b) / 2 * d))
+        if all(0 <= c < n for c, n in zip(cell, shape, strict=True)):
+            crossed.append((cell, a, b))
+    return crossed
+
+
+def directions(grid: PanoramaGrid, row: int, column: int) -> tuple[float, float]:
+    """Azimuth and tangent of the elevation of a bin's ray."""
+    golden = (np.sqrt(5) - 1) / 2
+    azimuth = -np.pi + (column + golden * (row + 1) % 1) * grid.azimuth_step_rad
+    return azimuth, grid.tan_low + (row + 0.5) * (grid.tan_high - grid.tan_low) / grid.n_elevations
+
+
+def march_one(
+    grid: PanoramaGrid, field: GainField, position_m: ndarray, *, size_m: float, range_m: float
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Unseen volume [m^3], unseen voxels, quality of one viewpoint: (n_elevations, n_azimuths) each."""
+    results = np.zeros((3, grid.n_elevations, grid.n_azimuths))
+    solid = grid.azimuth_step_rad * (grid.tan_high - grid.tan_low) / grid.n_elevations
+    start = position_m / size_m - field.first_index
+    for row in range(grid.n_elevations):
+        for column in range(grid.n_azimuths):
+            phi, u = directions(grid, row, column)
+            end = start + range_m / size_m * np.array([np.cos(phi), np.sin(phi), u])
+            left, before_face, face_end = 1.0, 1.0, -np.inf
+            for cell, a, b in pieces(start, end, field.cells.shape[:3]):
+                depth, unseen, quality = (float(x) for x in field.cells[cell])
+                rho = np.array([a, b]) * range_m
+                if rho[0] - face_end > FACE_GAP_VOXELS * size_m:
+                    before_face = left
+                if before_face < OPAQUE_BELOW:
+                    break
+                if unseen and left >= OPAQUE_BELOW:
+                    results[0, row, column] += left * solid * (rho[1] ** 3 - rho[0] ** 3) / 3
+                    results[1, row, column] += left
+                results[2, row, column] += before_face * solid * quality / size_m**3 * (rho[1] - rho[0])
+                left *= np.exp(-depth * (b - a) * np.linalg.norm(end - start))
+                if depth >= SURFACE:
+                    face_end = rho[1]
+    return results[0], results[1], results[2]
+
+
+def gathered(
+    gaussians: GaussianMap,
+    lower_m: ndarray,
+    shape: tuple[int, ...],
+    size_m: float,
+    *,
+    prior: float,
+    focal: float,
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Optical depth, quality and number of Gaussians per voxel."""
+    depth, quality, count = np.zeros(shape), np.zeros(shape), np.zeros(shape, int)
+    cells = np.floor((gaussians.centres_m.astype(float) - lower_m) / size_m).astype(int)
+    inside = np.all((cells >= 0) & (cells < shape), axis=1) & (gaussians.opacities >= 0.005)
+    rows = np.flatnonzero(inside)
+    information = gaussians.information[: gaussians.size].astype(float)
+    weight = gaussians.information_weight[: gaussians.size].astype(float)
+    bare = np.pi * (gaussians.opacities * gaussians.radii_m.astype(float) * focal) ** 2
+    colour = information[:, 3:6].mean(axis=1)
+    possible = (weight * bare)[rows].sum()
+    share = colour[rows].sum() / possible if possible else 0.0
+    for i in rows:
+        cell = tuple(cells[i])
+        depth[cell] += gaussians.opacities[i] * 2 * np.pi * gaussians.radii_m[i] ** 2 / size_m**2
+        count[cell] += 1
+        if weight[i] == 0 or colour[i] == 0:
+            quality[cell] += 8 * 2.5**2
+        else:
+            settled = (information[i] / (information[i] + prior)).sum()
+            quality[cell] += min(share * bare[i] / colour[i] * settled, 8 * 8.0**2)
+    return depth, quality, count

@@ -1,0 +1,302 @@
+import numpy as np
+import pytest
+from numpy import ndarray
+
+from hgs_core.errors import PlanningError
+from hgs_core.gain.viewpoint import CoverageMeasure, ViewGains
+from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+from tests.gain.worlds import (
+    CAMERA,
+    closed_room,
+    empty_voxels,
+    evaluator,
+    gaussians_at,
+    on_surfaces,
+    snapshot_of,
+)
+
+
+def yaw_index(gains: ViewGains, yaw_rad: float) -> int:
+    return int(np.argmin(np.abs(np.angle(np.exp(1j * (gains.yaws_rad - yaw_rad))))))
+
+
+def centre_of(voxels: VoxelMap) -> ndarray:
+    return (voxels.lower_m() + np.array(voxels.states.shape) * 0.05)[None]
+
+
+def half_unseen_room() -> VoxelMap:
+    """A closed room whose part beyond x = 2.5 m is unobserved."""
+    voxels = closed_room((5.0, 4.0, 2.5))
+    beyond = voxels.states[25:]
+    beyond[beyond == VoxelState.FREE] = VoxelState.UNOBSERVED
+    return voxels
+
+
+# ---------------------------------------------------------------- coverage
+
+
+def test_a_closed_observed_room_gains_no_coverage() -> None:
+    voxels = closed_room()
+    gains = evaluator().evaluate(snapshot_of(voxels), centre_of(voxels), observed_share=1.0)
+    assert np.all(gains.coverage_by_yaw == 0)
+    assert gains.total[0] == 0
+
+
+@pytest.mark.parametrize("bins", [(48, 16), (120, 32), (240, 64)])
+def test_unobserved_space_gains_the_volume_of_the_view(bins: tuple[int, int]) -> None:
+    """Volume of the view pyramid up to horizontal distance R: with half-widths a of yaw and T = tan of the
+    upper edge, `int_-a^a R^3/3 2 T cos(delta) d delta = 4/3 R^3 T sin(a)`."""
+    voxels = empty_voxels((7.0, 7.0, 6.0))
+    gains = evaluator(3.0, azimuth_bins=bins[0], elevation_bins=bins[1]).evaluate(
+        snapshot_of(voxels), centre_of(voxels), observed_share=0.0
+    )
+    expected = 4 / 3 * 3.0**3 * (340 / 600) * np.sin(np.arctan(1.0))
+    np.testing.assert_allclose(gains.coverage_by_yaw, expected, rtol=0.01)
+
+
+def test_coverage_is_cut_at_the_border_of_the_map_and_depends_on_the_side_that_is_unseen() -> None:
+    voxels = half_unseen_room()
+    gains = evaluator().evaluate(snapshot_of(voxels), np.array([[1.5, 2.0, 1.2]]), observed_share=0.0)
+    towards, away = yaw_index(gains, 0.0), yaw_index(gains, np.pi)
+    assert gains.coverage_by_yaw[0, away] == 0
+    unseen_m3 = np.count_nonzero(voxels.states[25:-9, 9:-9, 3:-3] == VoxelState.UNOBSERVED) * 1e-3
+    assert 0.4 * unseen_m3 < gains.coverage_by_yaw[0, towards] < unseen_m3
+    assert abs(gains.best_yaw_rad[0]) < 0.3
+
+
+def test_a_wall_blocks_the_view_and_its_gaussians_alone_do_too() -> None:
+    open_space, walled, splatted = half_unseen_room(), half_unseen_room(), half_unseen_room()
+    walled.states[20, 9:-9, 3:-3] = VoxelState.OCCUPIED
+    plane = np.stack(np.meshgrid([2.05], np.arange(0.91, 3.1, 0.02), np.arange(0.31, 2.2, 0.02)), axis=-1)
+    wall = gaussians_at(plane.reshape(-1, 3), radius_m=0.011)
+    position = np.array([[1.5, 2.0, 1.2]])
+    coverage = [
+        evaluator().evaluate(snapshot_of(v, g), position, observed_share=0.0).coverage[0]
+        for v, g in ((open_space, None), (walled, None), (splatted, wall))
+    ]
+    assert coverage[0] > 1.0
+    assert coverage[1] == 0
+    # 25 Gaussians of opacity 0.953 on each voxel's face; a slanted ray meets up to 1.5 times as many.
+    tau = 25 * 0.953 * 2 * np.pi * 0.011**2 / 0.01
+    assert np.exp(-1.5 * tau) < coverage[2] / coverage[0] < np.exp(-tau)
+
+
+def test_dismissed_voxels_gain_nothing_and_hide_what_is_behind() -> None:
+    voxels = half_unseen_room()
+    voxels.attempts[25] = voxels.config.max_attempts
+    gains = evaluator().evaluate(snapshot_of(voxels), np.array([[1.5, 2.0, 1.2]]), observed_share=0.0)
+    assert np.all(gains.coverage_by_yaw == 0)
+
+
+def test_the_papers_measure_counts_voxels_on_pixels_and_grows_with_the_image() -> None:
+    voxels = empty_voxels((3.0, 3.0, 3.0))
+    position = centre_of(voxels)
+    gains = evaluator(1.0, coverage_measure=CoverageMeasure.PAPER).evaluate(
+        snapshot_of(voxels), position, observed_share=0.0
+    )
+    # A ray of 1 m crosses about 10 (|dx| + |dy| + |dz|) voxels: between 11 and 22.
+    pixels_times_volume = 1200 * 680 * 1e-3
+    assert 11 * pixels_times_volume < gains.coverage[0] < 22 * pixels_times_volume
+
+
+# ---------------------------------------------------------------- quality
+
+
+def room_with_gaussians() -> tuple[VoxelMap, ndarray]:
+    voxels = closed_room()
+    return voxels, on_surfaces(voxels, 4, np.random.default_rng(0))
+
+
+def test_more_training_information_lowers_the_quality_gain() -> None:
+    voxels, points = room_with_gaussians()
+    position = centre_of(voxels)
+    # Seen once, twice, eight times from the same distance.
+    quality = [
+        evaluator()
+        .evaluate(
+            snapshot_of(voxels, gaussians_at(points, information=20.0 * n, weight=0.25 * n)),
+            position,
+            observed_share=1.0,
+        )
+        .quality[0]
+        for n in (1, 2, 8)
+    ]
+    assert quality[0] > quality[1] > quality[2] > 0
+    # Eq. 9's trace: what a view adds over what is held, so halves as the views double (the prior is small).
+    assert quality[0] / quality[1] == pytest.approx(2.0, rel=0.02)
+    assert quality[0] / quality[2] == pytest.approx(8.0, rel=0.02)
+
+
+def test_what_is_known_entirely_or_not_there_gains_nothing() -> None:
+    voxels, points = room_with_gaussians()
+    known = gaussians_at(points, information=1e9, weight=1e8)
+    assert evaluator().evaluate(snapshot_of(voxels, known), centre_of(voxels), observed_share=1.0).quality[
+        0
+    ] == pytest.approx(0.0, abs=1e-6)
+    assert evaluator().evaluate(snapshot_of(voxels), centre_of(voxels), observed_share=1.0).quality[0] == 0
+
+
+def test_quality_is_the_area_in_view_when_all_was_seen_once_from_as_far() -> None:
+    """A wall 2 m away, seen once from 2 m: one more look from there is worth the area in view, foreshortened
+    by (2 m / z)^2 = 1: 2 m * 2 wide, 2 m * 2 * 340 / 600 high."""
+    voxels = empty_voxels((4.0, 6.0, 4.0))
+    voxels.states[:] = VoxelState.FREE
+    voxels.states[30] = VoxelState.OCCUPIED
+    wall = np.stack(np.meshgrid([3.05], np.arange(0, 6, 0.05), np.arange(0, 4, 0.05)), axis=-1).reshape(-1, 3)
+    gaussians = gaussians_at(wall + 0.002, information=30.0, weight=0.25)
+    gains = evaluator().evaluate(
+        snapshot_of(voxels, gaussians), np.array([[1.05, 3.05, 2.05]]), observed_share=1.0
+    )
+    area = 4.0 * 4.0 * 340 / 600
+    assert gains.quality_by_yaw[0, yaw_index(gains, 0.0)] == pytest.approx(area, rel=0.05)
+    assert gains.quality_by_yaw[0, yaw_index(gains, np.pi)] == 0
+
+
+def test_quality_does_not_see_through_walls() -> None:
+    voxels = closed_room()
+    behind = voxels.centres_m(np.argwhere(np.ones((2, 40, 25), bool)))
+    gains = evaluator().evaluate(
+        snapshot_of(voxels, gaussians_at(behind)), centre_of(voxels), observed_share=1.0
+    )
+    assert np.all(gains.quality_by_yaw == 0)
+
+
+def test_a_wall_seen_at_a_grazing_angle_promises_more_than_one_seen_well() -> None:
+    voxels, points = room_with_gaussians()
+    well, grazing = gaussians_at(points, information=20.0), gaussians_at(points, information=20.0)
+    western = points[:, 0] < 0.9
+    # From as near, but mostly hidden by its neighbours: a fifth of the information for the same weight.
+    grazing.information[: len(points)][western] *= 0.2
+    west, east = (
+        [
+            evaluator()
+            .evaluate(snapshot_of(voxels, g), centre_of(voxels), observed_share=1.0)
+            .quality_by_yaw[0, k]
+            for g in (well, grazing)
+        ]
+        for k in (0, 60)
+    )
+    assert west[1] > 2.5 * west[0]
+    assert east[1] < 1.01 * east[0]
+
+
+def test_a_surface_on_a_voxel_border_is_worth_as_much_as_one_inside_a_voxel() -> None:
+    scores = []
+    for x, layers in ((3.05, [30]), (3.0, [29, 30])):
+        voxels = empty_voxels((4.0, 6.0, 4.0))
+        voxels.states[:] = VoxelState.FREE
+        voxels.states[layers] = VoxelState.OCCUPIED
+        rng = np.random.default_rng(1)
+        plane = np.meshgrid([x], np.arange(0.01, 6, 0.025), np.arange(0.01, 4, 0.025))
+        wall = np.stack(plane, axis=-1).reshape(-1, 3)
+        wall[:, 0] += rng.uniform(-0.01, 0.01, len(wall))
+        gains = evaluator().evaluate(
+            snapshot_of(voxels, gaussians_at(wall)), np.array([[x - 2.0, 3.0, 2.0]]), observed_share=1.0
+        )
+        # The unit of area counts a border's two voxels as two faces: compare the scores themselves.
+        scores.append(gains.quality.max() / len(layers))
+    assert scores[0] == pytest.approx(scores[1], rel=0.1)
+
+
+# ---------------------------------------------------------------- both, totals, yaws
+
+
+def turned(voxels: VoxelMap, points: ndarray) -> tuple[VoxelMap, ndarray]:
+    """The map turned by 90 degrees counter-clockwise about the z axis through its centre."""
+    result = empty_voxels(tuple(float(n) * 0.1 for n in np.array(voxels.states.shape)[[1, 0, 2]]))
+    result.states[:] = np.rot90(voxels.states, 1, axes=(0, 1))
+    width = voxels.states.shape[1] * 0.1
+    return result, np.stack([width - points[:, 1], points[:, 0], points[:, 2]], axis=1)
+
+
+def test_turning_the_map_turns_the_yaws() -> None:
+    rng = np.random.default_rng(2)
+    voxels = half_unseen_room()
+    for _ in range(6):
+        low = np.append(rng.integers(12, 28, 2), 3)
+        voxels.states[low[0] : low[0] + 3, low[1] : low[1] + 2, 3 : rng.integers(6, 20)] = VoxelState.OCCUPIED
+    points = on_surfaces(voxels, 2, rng)
+    position = np.array([[1.133, 1.871, 1.257]])
+    gains, gains_turned = (
+        evaluator().evaluate(snapshot_of(v, gaussians_at(p)), at, observed_share=0.5)
+        for v, p, at in (
+            (voxels, points, position),
+            (*turned(voxels, points), turned(voxels, position)[1]),
+        )
+    )
+    shift = len(gains.yaws_rad) // 4
+    np.testing.assert_allclose(
+        np.roll(gains.coverage_by_yaw, shift, axis=1), gains_turned.coverage_by_yaw, rtol=1e-3, atol=1e-4
+    )
+    np.testing.assert_allclose(
+        np.roll(gains.quality_by_yaw, shift, axis=1), gains_turned.quality_by_yaw, rtol=1e-2, atol=1e-3
+    )
+    turn = np.angle(np.exp(1j * (gains_turned.best_yaw_rad - gains.best_yaw_rad)))
+    assert turn[0] == pytest.approx(np.pi / 2)
+
+
+def test_the_total_is_the_weighed_sum_and_the_best_yaw_its_maximum() -> None:
+    voxels = half_unseen_room()
+    snapshot = snapshot_of(voxels, gaussians_at(on_surfaces(voxels, 2, np.random.default_rng(0))))
+    positions = np.array([[1.5, 2.0, 1.2], [2.0, 1.5, 1.2]])
+
+    def gains(**config: object) -> ViewGains:
+        return evaluator(coverage_scale_m3=2.0, quality_scale_m2=4.0, **config).evaluate(
+            snapshot, positions, observed_share=0.25
+        )
+
+    both = gains()
+    np.testing.assert_allclose(both.total_by_yaw, both.coverage_by_yaw / 2 + 0.25 * both.quality_by_yaw / 4)
+    np.testing.assert_allclose(both.total, both.total_by_yaw.max(axis=1))
+    best = both.total_by_yaw.argmax(axis=1)
+    np.testing.assert_allclose(both.best_yaw_rad, both.yaws_rad[best])
+    np.testing.assert_allclose(both.coverage, both.coverage_by_yaw[[0, 1], best])
+    fixed = gains(adaptive=False)
+    np.testing.assert_allclose(fixed.total_by_yaw, both.coverage_by_yaw / 2 + both.quality_by_yaw / 4)
+    coverage, quality = gains(use_quality=False), gains(use_coverage=False)
+    assert np.all(coverage.quality_by_yaw == 0)
+    assert np.all(quality.coverage_by_yaw == 0)
+    np.testing.assert_allclose(coverage.total_by_yaw, both.coverage_by_yaw / 2)
+    np.testing.assert_allclose(quality.total_by_yaw, 0.25 * both.quality_by_yaw / 4)
+
+
+def test_each_viewpoint_is_scored_by_itself() -> None:
+    voxels = half_unseen_room()
+    snapshot = snapshot_of(voxels, gaussians_at(on_surfaces(voxels, 2, np.random.default_rng(0))))
+    positions = np.random.default_rng(1).uniform([1.0, 1.0, 0.5], [2.2, 3.0, 2.0], (5, 3))
+    together = evaluator().evaluate(snapshot, positions, observed_share=0.5)
+    assert together.total_by_yaw.shape == (5, 120)
+    for i, position in enumerate(positions):
+        alone = evaluator().evaluate(snapshot, position[None], observed_share=0.5)
+        np.testing.assert_allclose(alone.coverage_by_yaw[0], together.coverage_by_yaw[i])
+
+
+def test_a_changed_map_is_read_again() -> None:
+    voxels = half_unseen_room()
+    one, position = evaluator(), np.array([[1.5, 2.0, 1.2]])
+    before = one.evaluate(snapshot_of(voxels), position, observed_share=0.0)
+    voxels.states[voxels.states == VoxelState.UNOBSERVED] = VoxelState.FREE
+    voxels.version += 1
+    after = one.evaluate(snapshot_of(voxels), position, observed_share=0.0)
+    assert before.coverage[0] > 0
+    assert after.coverage[0] == 0
+
+
+def test_no_viewpoints_no_map_and_places_off_the_map_are_fine() -> None:
+    voxels = closed_room()
+    none = evaluator().evaluate(snapshot_of(voxels), np.zeros((0, 3)), observed_share=0.0)
+    assert none.total.shape == (0,)
+    far = evaluator().evaluate(snapshot_of(voxels), np.array([[99.0, -99.0, 1.0]]), observed_share=0.0)
+    assert far.total[0] == 0
+    nothing = VoxelMap(voxels.config)
+    assert evaluator().evaluate(snapshot_of(nothing), np.zeros((1, 3)), observed_share=0.0).total[0] == 0
+
+
+def test_a_share_outside_its_bounds_is_refused() -> None:
+    voxels = closed_room()
+    with pytest.raises(PlanningError, match=r"0\.\.1"):
+        evaluator().evaluate(snapshot_of(voxels), centre_of(voxels), observed_share=1.5)
+
+
+def test_the_camera_of_the_tests_is_the_papers() -> None:
+    assert CAMERA.horizontal_fov_rad == pytest.approx(np.pi / 2)

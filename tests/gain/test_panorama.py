@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hgs_core.gain.field import OPTICAL_DEPTH, QUALITY, UNSEEN, GainField, gain_field
+from hgs_core.gain.panorama import PanoramaGrid, by_yaw, march
+from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.voxels.voxel_map import VoxelState
+from tests.gain import naive
+from tests.gain.worlds import CAMERA, empty_voxels, gaussians_at, snapshot_of
+
+
+def random_field(rng: np.random.Generator) -> GainField:
+    shape = tuple(rng.integers(3, 9, 3))
+    cells = np.zeros((*shape, 3), np.float32)
+    kind = rng.choice(4, shape, p=[0.55, 0.25, 0.1, 0.1])
+    cells[..., OPTICAL_DEPTH] = np.choose(kind, [0.0, 0.0, np.inf, rng.uniform(0.1, 2, shape)])
+    cells[..., UNSEEN] = kind == 1
+    cells[..., QUALITY] = np.where(kind >= 2, rng.uniform(0, 50, shape), 0)
+    return GainField(first_index=rng.integers(-4, 4, 3), cells=cells, gaussians_per_m2=100.0)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=12)
+def test_the_march_is_that_of_the_oracle(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    field, size, range_m = random_field(rng), 0.1, 1.1
+    grid = PanoramaGrid.for_camera(CAMERA, n_azimuths=24, n_elevations=8)
+    low = field.first_index * size
+    positions = low + rng.uniform(-0.2, 1.2, (3, 3)) * size * np.array(field.cells.shape[:3])
+    panoramas = march(grid, field, positions, size_m=size, range_m=range_m)
+    for i, position in enumerate(positions):
+        volume, voxels, quality = naive.march_one(grid, field, position, size_m=size, range_m=range_m)
+        np.testing.assert_allclose(panoramas.unseen_volume_m3[i], volume, rtol=1e-4, atol=1e-9)
+        np.testing.assert_allclose(panoramas.unseen_voxels[i], voxels, rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(panoramas.quality[i], quality, rtol=1e-4, atol=1e-6)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=10)
+def test_gathering_is_that_of_the_oracle(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 900))
+    gaussians = gaussians_at(rng.uniform(-0.2, 0.9, (n, 3)), radius_m=0.02)
+    gaussians.parameters[:n, 7] = rng.uniform(-8, 4, n)
+    gaussians.information[:n] = 10.0 ** rng.uniform(-6, 3, (n, 8))
+    gaussians.information_weight[:n] = rng.choice([0.0, 0.1, 2.0], n)
+    voxels = empty_voxels((0.7, 0.6, 0.5))
+    voxels.states[:] = rng.choice(3, voxels.states.shape)
+    voxels.attempts[:] = rng.integers(0, 5, voxels.states.shape)
+    first, last = np.array([1, 0, 0]), np.array([7, 5, 5])
+    field = gain_field(snapshot_of(voxels, gaussians), first, last, prior_information=0.1, focal_px=600.0)
+    depth, quality, count = naive.gathered(gaussians, first * 0.1, (6, 5, 5), 0.1, prior=0.1, focal=600.0)
+    states, attempts = voxels.states[1:, :5], voxels.attempts[1:, :5]
+    dismissed = (states == VoxelState.UNOBSERVED) & (attempts >= voxels.config.max_attempts)
+    depth[dismissed | (states == VoxelState.OCCUPIED)] = np.inf
+    np.testing.assert_allclose(field.cells[..., OPTICAL_DEPTH], depth, rtol=1e-4)
+    np.testing.assert_array_equal(field.cells[..., UNSEEN], (states == VoxelState.UNOBSERVED) & ~dismissed)
+    np.testing.assert_allclose(field.cells[..., QUALITY], quality, rtol=1e-3, atol=1e-5)
+    expected = count.sum() / max(np.count_nonzero(count), 1) / 0.01
+    assert field.gaussians_per_m2 == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [CAMERA, CameraIntrinsics(width=640, height=480, fx=300.0, fy=310.0, cx=250.0, cy=300.0)],
+    ids=["centred", "off-centre"],
+)
+def test_the_window_is_what_the_pinhole_sees(camera: CameraIntrinsics) -> None:
+    grid = PanoramaGrid.for_camera(camera, n_azimuths=72, n_elevations=24)
+    k = 17  # any yaw
+    pose = level_camera_pose(0.0, 0.0, 0.0, float(grid.yaws_rad[k]))
+    step, rows = grid.azimuth_step_rad, np.arange(24)
+    u = grid.tan_low + (rows + 0.5) * (grid.tan_high - grid.tan_low) / 24
+    parts = (np.arange(40) + 0.5) / 40
+    for a in range(72):
+        phi = -np.pi + (a + parts) * step
+        points = np.stack(np.broadcast_arrays(np.cos(phi), np.sin(phi), u[:, None]), axis=-1)
+        inside = camera.project(pose.inverse().apply(points.reshape(-1, 3)))[1].reshape(24, 40)
+        np.testing.assert_allclose(grid.visible[:, (a - k) % 72], inside.mean(axis=1), atol=0.051)
+
+
+def test_sliding_the_window_is_a_sum_over_what_it_covers() -> None:
+    rng = np.random.default_rng(0)
+    panoramas, window = rng.random((2, 3, 8)).astype(np.float32), np.zeros((3, 8))
+    window[:, [0, 1, 7]] = rng.random((3, 3))
+    expected = [
+        [
+            sum(window[e, m] * panoramas[n, e, (k + m) % 8] for e in range(3) for m in range(8))
+            for k in range(8)
+        ]
+        for n in range(2)
+    ]
+    np.testing.assert_allclose(by_yaw(panoramas, window), expected)
