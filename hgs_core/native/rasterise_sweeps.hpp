@@ -19,13 +19,17 @@ struct Tile {
   std::uint32_t n_entries;
 };
 
+struct RowRange {
+  int first, last;  // empty: last < first
+};
+
 // What one splat does to one tile, separated into rows and columns.
 struct Footprint {
   VFloat dx[VECTORS];   // pixel - splat
   VFloat along[VECTORS];  // 2^(-k dx^2)
-  alignas(64) float dy[TILE_H];
+  alignas(64) float dy[TILE_H], dy2[TILE_H];
   alignas(64) float down[TILE_H];  // o 2^(-k dy^2)
-  std::uint32_t rows;   // bit r: row r is within reach
+  int first_row, last_row;  // within reach
   int first_vector, last_vector;
 };
 
@@ -42,10 +46,8 @@ HGS_INLINE bool trace(const Splat& splat, const Tile& tile, Footprint& footprint
   // `reach` is rounded up by more than the one ulp that "+ 1, then truncate" can lose at whole numbers.
   const float top = v - splat.reach + 1.0f, bottom = v + splat.reach;
   if (!(bottom >= 0.0f) || !(top < TILE_H)) return false;
-  const int first = top > 0.0f ? static_cast<int>(top) : 0;
-  const int last = bottom < TILE_H - 1 ? static_cast<int>(bottom) : TILE_H - 1;
-  if (last < first) return false;
-  footprint.rows = (2u << last) - (1u << first);
+  footprint.first_row = top > 0.0f ? static_cast<int>(top) : 0;
+  footprint.last_row = bottom < TILE_H - 1 ? static_cast<int>(bottom) : TILE_H - 1;
   if constexpr (VECTORS > 1) {
     const float left = u - splat.reach, right = u + splat.reach;
     footprint.first_vector = left > 0.0f ? static_cast<int>(left) / LANES : 0;
@@ -61,8 +63,10 @@ HGS_INLINE bool trace(const Splat& splat, const Tile& tile, Footprint& footprint
   }
   for (int j = 0; j < TILE_H / LANES; ++j) {
     const VFloat dy = lanes + (static_cast<float>(j * LANES) - v);
+    const VFloat dy2 = dy * dy;
     store(footprint.dy + j * LANES, dy);
-    store(footprint.down + j * LANES, splat.opacity * vexp2(-splat.falloff * dy * dy));
+    store(footprint.dy2 + j * LANES, dy2);
+    store(footprint.down + j * LANES, splat.opacity * vexp2(-splat.falloff * dy2));
   }
   return true;
 }
@@ -74,33 +78,40 @@ HGS_INLINE VFloat masked_alpha(VFloat a, VFloat T) {
   return counts ? alpha : VFloat{};
 }
 
-// Rows of the tile in which some pixel still lets light through. `stride`: floats from one row of T to the next.
-static std::uint32_t open_rows(const float* T, int stride) {
-  std::uint32_t open = 0;
+// From the first to the last row of the tile in which some pixel still lets light through. `stride`: floats from one
+// row of T to the next.
+static RowRange open_rows(const float* T, int stride) {
+  RowRange open{TILE_H, -1};
   for (int row = 0; row < TILE_H; ++row) {
     VInt through = VInt{};
     for (int j = 0; j < VECTORS; ++j) through = through | (load(T + row * stride + j * LANES) >= MIN_TRANSMITTANCE);
-    open |= static_cast<std::uint32_t>(any(through)) << row;
+    if (!any(through)) continue;
+    if (open.last < 0) open.first = row;
+    open.last = row;
   }
   return open;
 }
 
-// Calls visit(entry, splat, footprint, rows) for every splat of the tile that reaches a row that is still open.
-// Returns how many entries were looked at before the tile was opaque.
+// Calls visit(entry, splat, footprint, rows) for every splat of the tile; `rows` are those within its reach that are
+// still open, perhaps none. Returns how many entries were looked at before the tile was opaque.
 template <class Visit>
 HGS_INLINE std::uint32_t sweep(const Tile& tile, const Splat* splats, const float* T, int stride, Visit&& visit) {
-  std::uint32_t open = 0;
+  RowRange open{};
   Footprint footprint;
   for (std::uint32_t i = 0; i < tile.n_entries; ++i) {
     if (i % CHECK_EVERY == 0) {
       open = open_rows(T, stride);
-      if (open == 0) return i;
+      if (open.last < 0) return i;
     }
     const TileEntry entry = tile.entries[i];
     if (i + 4 < tile.n_entries) __builtin_prefetch(&splats[tile.entries[i + 4].slot]);
     const Splat& splat = splats[entry.slot];
-    const bool touched = trace(splat, tile, footprint) && (footprint.rows & open) != 0;
-    visit(entry, splat, footprint, touched ? footprint.rows & open : 0u);
+    RowRange rows{0, -1};
+    if (trace(splat, tile, footprint)) {
+      rows.first = footprint.first_row > open.first ? footprint.first_row : open.first;
+      rows.last = footprint.last_row < open.last ? footprint.last_row : open.last;
+    }
+    visit(entry, splat, footprint, rows);
   }
   return tile.n_entries;
 }
@@ -124,19 +135,20 @@ static void clear(ForwardTile& state, int width, int height) {
 static std::uint32_t sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& state) {
   constexpr int STRIDE = FORWARD_PLANES * TILE_W;
   return sweep(tile, splats, state.rows[0][T_PLANE], STRIDE,
-               [&](TileEntry, const Splat& splat, const Footprint& footprint, std::uint32_t open) HGS_LAMBDA {
+               [&](TileEntry, const Splat& splat, const Footprint& footprint, RowRange rows) HGS_LAMBDA {
+    const VFloat red = splat_all(splat.r), green = splat_all(splat.g), blue = splat_all(splat.b);
+    const VFloat depth = splat_all(splat.z);
     for (int j = footprint.first_vector; j <= footprint.last_vector; ++j) {
       const VFloat along = footprint.along[j];
-      for (std::uint32_t rows = open; rows != 0; rows &= rows - 1) {
-        const int row = __builtin_ctz(rows);
+      for (int row = rows.first; row <= rows.last; ++row) {
         float* pixel = state.rows[row][0] + j * LANES;
         const VFloat T = load(pixel + T_PLANE * TILE_W);
         const VFloat weight = masked_alpha(footprint.down[row] * along, T) * T;
         store(pixel + T_PLANE * TILE_W, T - weight);
-        store(pixel + R_PLANE * TILE_W, load(pixel + R_PLANE * TILE_W) + splat.r * weight);
-        store(pixel + G_PLANE * TILE_W, load(pixel + G_PLANE * TILE_W) + splat.g * weight);
-        store(pixel + B_PLANE * TILE_W, load(pixel + B_PLANE * TILE_W) + splat.b * weight);
-        store(pixel + D_PLANE * TILE_W, load(pixel + D_PLANE * TILE_W) + splat.z * weight);
+        store(pixel + R_PLANE * TILE_W, load(pixel + R_PLANE * TILE_W) + red * weight);
+        store(pixel + G_PLANE * TILE_W, load(pixel + G_PLANE * TILE_W) + green * weight);
+        store(pixel + B_PLANE * TILE_W, load(pixel + B_PLANE * TILE_W) + blue * weight);
+        store(pixel + D_PLANE * TILE_W, load(pixel + D_PLANE * TILE_W) + depth * weight);
       }
     }
   });
@@ -154,14 +166,15 @@ struct alignas(64) GradientTile {
 static std::uint32_t sweep_backward(const Tile& tile, const Splat* splats, GradientTile& state, float* pair_sums) {
   constexpr int STRIDE = GRADIENT_PLANES * TILE_W;
   return sweep(tile, splats, state.rows[0][GT_PLANE], STRIDE,
-               [&](TileEntry entry, const Splat& splat, const Footprint& footprint, std::uint32_t open) HGS_LAMBDA {
+               [&](TileEntry entry, const Splat& splat, const Footprint& footprint, RowRange rows) HGS_LAMBDA {
     float* out = pair_sums + 8 * std::size_t{entry.pair};
     VFloat sums[8] = {};
+    const VFloat red = splat_all(splat.r), green = splat_all(splat.g), blue = splat_all(splat.b);
+    const VFloat depth = splat_all(splat.z);
     for (int j = footprint.first_vector; j <= footprint.last_vector; ++j) {
       const VFloat along = footprint.along[j];
       VFloat p0{}, p1{}, p2{}, r{}, g{}, b{}, z{};  // p1, p2: P dy, P dy^2, by column
-      for (std::uint32_t rows = open; rows != 0; rows &= rows - 1) {
-        const int row = __builtin_ctz(rows);
+      for (int row = rows.first; row <= rows.last; ++row) {
         float* pixel = state.rows[row][0] + j * LANES;
         const VFloat T = load(pixel + GT_PLANE * TILE_W);
         const VFloat a = footprint.down[row] * along;
@@ -169,17 +182,15 @@ static std::uint32_t sweep_backward(const Tile& tile, const Splat* splats, Gradi
         const VFloat weight = alpha * T;
         const VFloat dr = load(pixel + DR_PLANE * TILE_W), dg = load(pixel + DG_PLANE * TILE_W);
         const VFloat db = load(pixel + DB_PLANE * TILE_W), dd = load(pixel + DD_PLANE * TILE_W);
-        const VFloat q = dr * splat.r + dg * splat.g + db * splat.b + dd * splat.z + load(pixel + DA_PLANE * TILE_W);
+        const VFloat q = (dr * red + dg * green) + (db * blue + (dd * depth + load(pixel + DA_PLANE * TILE_W)));
         const VFloat qw = q * weight;
         const VFloat S = load(pixel + S_PLANE * TILE_W) - qw;
         store(pixel + GT_PLANE * TILE_W, T - weight);
         store(pixel + S_PLANE * TILE_W, S);
-        const VFloat P = (a <= MAX_ALPHA) ? qw - S * (alpha / (1.0f - alpha)) : VFloat{};
-        const float dy = footprint.dy[row];
-        const VFloat Pdy = P * dy;
+        const VFloat P = (a <= MAX_ALPHA) ? qw - S * (alpha * inverse(1.0f - alpha)) : VFloat{};
         p0 += P;
-        p1 += Pdy;
-        p2 += Pdy * dy;
+        p1 += P * footprint.dy[row];
+        p2 += P * footprint.dy2[row];
         r += dr * weight;
         g += dg * weight;
         b += db * weight;
@@ -213,7 +224,7 @@ HGS_INLINE VFloat fisher_row(float* pixel, VFloat a, const Splat& splat, VFloat&
   const VFloat T = load(pixel + FT_PLANE * TILE_W);
   const VFloat alpha = masked_alpha(a, T);
   weight = alpha * T;
-  const VFloat ratio = alpha / (1.0f - alpha);
+  const VFloat ratio = alpha * inverse(1.0f - alpha);
   const VFloat red = splat.r * weight, green = splat.g * weight, blue = splat.b * weight;
   const VFloat sr = load(pixel + SR_PLANE * TILE_W) - red;
   const VFloat sg = load(pixel + SG_PLANE * TILE_W) - green;
@@ -229,13 +240,12 @@ HGS_INLINE VFloat fisher_row(float* pixel, VFloat a, const Splat& splat, VFloat&
 static std::uint32_t sweep_fisher(const Tile& tile, const Splat* splats, FisherTile& state, float* pair_sums) {
   constexpr int STRIDE = FISHER_PLANES * TILE_W;
   return sweep(tile, splats, state.rows[0][FT_PLANE], STRIDE,
-               [&](TileEntry entry, const Splat& splat, const Footprint& footprint, std::uint32_t open) HGS_LAMBDA {
+               [&](TileEntry entry, const Splat& splat, const Footprint& footprint, RowRange rows) HGS_LAMBDA {
     float* out = pair_sums + 8 * std::size_t{entry.pair};
     VFloat sums[8] = {};
     for (int j = footprint.first_vector; j <= footprint.last_vector; ++j) {
       VFloat e0{}, e1{}, e2{}, e3{}, e4{}, w2{};  // e_n: E dy^n, by column
-      for (std::uint32_t rows = open; rows != 0; rows &= rows - 1) {
-        const int row = __builtin_ctz(rows);
+      for (int row = rows.first; row <= rows.last; ++row) {
         VFloat weight;
         const VFloat E = fisher_row(state.rows[row][0] + j * LANES, footprint.down[row] * footprint.along[j], splat, weight);
         const float dy = footprint.dy[row];
@@ -265,12 +275,11 @@ static std::uint32_t sweep_fisher(const Tile& tile, const Splat* splats, FisherT
 static void sweep_quality(const Tile& tile, const Splat* splats, FisherTile& state, const float* slot_coefficients) {
   constexpr int STRIDE = FISHER_PLANES * TILE_W;
   sweep(tile, splats, state.rows[0][FT_PLANE], STRIDE,
-        [&](TileEntry entry, const Splat& splat, const Footprint& footprint, std::uint32_t open) HGS_LAMBDA {
+        [&](TileEntry entry, const Splat& splat, const Footprint& footprint, RowRange rows) HGS_LAMBDA {
     const float* c = slot_coefficients + 8 * std::size_t{entry.slot};
     for (int j = footprint.first_vector; j <= footprint.last_vector; ++j) {
       const VFloat x = footprint.dx[j], xx = x * x;
-      for (std::uint32_t rows = open; rows != 0; rows &= rows - 1) {
-        const int row = __builtin_ctz(rows);
+      for (int row = rows.first; row <= rows.last; ++row) {
         float* pixel = state.rows[row][0] + j * LANES;
         VFloat weight;
         const VFloat E = fisher_row(pixel, footprint.down[row] * footprint.along[j], splat, weight);
