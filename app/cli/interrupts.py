@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Callable
+from queue import SimpleQueue
 from types import FrameType, TracebackType
 from typing import Any, Final, Self
 
@@ -20,12 +22,15 @@ class InterruptCommands:
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+        # A handler may interrupt a print, so it must not print; filling a SimpleQueue is safe there.
+        self._messages: SimpleQueue[str | None] = SimpleQueue()
+        self._speaker = threading.Thread(target=self._speak, args=(say,), name="interrupts", daemon=True)
         self._stop_requested = False
         self._delivered = False
         self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Self:
+        self._speaker.start()
         for number in _SIGNALS:
             self._previous[number] = signal.signal(number, self._on_signal)
         return self
@@ -35,6 +40,8 @@ class InterruptCommands:
     ) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
+        self._messages.put(None)
+        self._speaker.join()
 
     def poll(self) -> Command | None:
         if self._stop_requested and not self._delivered:
@@ -44,7 +51,11 @@ class InterruptCommands:
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self._stop_requested:
-            self._say("already stopping: the results are being written, please wait")
+            self._messages.put("already stopping: the results are being written, please wait")
         else:
-            self._say("stopping: the mission ends here and its results are written")
+            self._messages.put("stopping: the mission ends in order and its results are written")
         self._stop_requested = True
+
+    def _speak(self, say: Callable[[str], None]) -> None:
+        while (message := self._messages.get()) is not None:
+            say(message)
