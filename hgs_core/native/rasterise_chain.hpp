@@ -105,7 +105,8 @@ static void add_gradients(const Workspace& workspace, const PinholeCamera& camer
 // E (a . (dx, dy, d^2))^2 summed, from the moments of E.
 HGS_INLINE float quadratic(const float* a, const float* sums) {
   const float value = a[0] * a[0] * sums[SUM_E_XX] + a[1] * a[1] * sums[SUM_E_YY] + a[2] * a[2] * sums[SUM_E_DD] +
-                      2.0f * (a[0] * a[1] * sums[SUM_E_XY] + a[0] * a[2] * sums[SUM_E_XD] + a[1] * a[2] * sums[SUM_E_YD]);
+                      2.0f * (a[0] * a[1] * sums[SUM_E_XY] + a[0] * a[2] * sums[SUM_E_XD] +
+                              a[1] * a[2] * sums[SUM_E_YD]);
   return value > 0.0f ? value : 0.0f;  // rounding of a difference that is no less than 0
 }
 

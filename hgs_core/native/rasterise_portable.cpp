@@ -3,5 +3,7 @@
 
 namespace hgs {
 extern const RasteriseKernels KERNELS_PORTABLE;
-const RasteriseKernels KERNELS_PORTABLE = {"portable", portable::forward, portable::backward, portable::optimise, portable::information, portable::quality_image};
+const RasteriseKernels KERNELS_PORTABLE = {
+    "portable", portable::forward, portable::backward, portable::optimise, portable::information, portable::quality_image,
+};
 }  // namespace hgs

@@ -247,7 +247,8 @@ static std::uint32_t sweep_fisher(const Tile& tile, const Splat* splats, FisherT
       VFloat e0{}, e1{}, e2{}, e3{}, e4{}, w2{};  // e_n: E dy^n, by column
       for (int row = rows.first; row <= rows.last; ++row) {
         VFloat weight;
-        const VFloat E = fisher_row(state.rows[row][0] + j * LANES, footprint.down[row] * footprint.along[j], splat, weight);
+        const VFloat a = footprint.down[row] * footprint.along[j];
+        const VFloat E = fisher_row(state.rows[row][0] + j * LANES, a, splat, weight);
         const float dy = footprint.dy[row];
         const VFloat E1 = E * dy, E2 = E1 * dy, E3 = E2 * dy;
         e0 += E;

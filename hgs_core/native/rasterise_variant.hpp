@@ -70,7 +70,8 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
                         [&](int, const Tile& tile, const Window& window, const ForwardTile& state) {
                           GradientTile gradients;
                           gradients_of_image(state, window, camera, image, gradients);
-                          clear_pairs(tile, sweep_backward(tile, workspace.splats.get(), gradients, pair_sums), pair_sums);
+                          const std::uint32_t done = sweep_backward(tile, workspace.splats.get(), gradients, pair_sums);
+                          clear_pairs(tile, done, pair_sums);
                         });
   add_gradients(workspace, camera, gradient);
 }
@@ -91,7 +92,8 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& cam
                         [&](int index, const Tile& tile, const Window& window, const ForwardTile& state) {
                           GradientTile gradients;
                           gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          clear_pairs(tile, sweep_backward(tile, workspace.splats.get(), gradients, pair_sums), pair_sums);
+                          const std::uint32_t done = sweep_backward(tile, workspace.splats.get(), gradients, pair_sums);
+                          clear_pairs(tile, done, pair_sums);
                         });
   step_visible(workspace, camera, adam);
   double uncovered = 0.0, covered = 0.0;
