@@ -42,6 +42,7 @@ struct Panorama {
   double tan_low, tan_high;  // of the elevations at the lower and upper edge
   double range;              // horizontal, in cells
   double opaque_below;       // a ray ends where less than this is left of it
+  double saturation;         // nearer than this, quality gains no more; horizontal, in cells; 0 = never
   double face_gap;           // a surface's voxels may lie so far apart along a ray and still be one face, in cells
 };
 
