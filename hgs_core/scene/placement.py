@@ -22,7 +22,8 @@ _WORLD_FROM_FILE: dict[str, list[list[float]]] = {
 _OUTLIER_FACTOR = 50.0
 _WORLD_SIZE_M = (2.0, 200.0)
 _ROOM_HEIGHT_M = (2.0, 6.0)
-_STANDING_HEIGHT_M = 1.5
+_STANDING_HEIGHT_M = 1.8
+_MIN_COVERED_SHARE = 0.01
 _LEVEL_BIN_M = 0.02
 
 
@@ -55,7 +56,7 @@ def find_floor_z(caster: RayCaster) -> float:
 
     Level triangles are gathered in bins of 2 cm; of those with at least a third of the largest bin's
     standing area the lowest is the floor. The underside of a floor slab has no room above it, so it never
-    counts.
+    counts; a roof counts only in a scene without covered floor.
     """
     mesh = caster.mesh
     level = np.abs(mesh.normals[:, 2]) > 0.95
@@ -66,7 +67,10 @@ def find_floor_z(caster: RayCaster) -> float:
     points, _ = mesh.kept(level).sample_surface(20000, np.random.default_rng(0))
     above = points + np.array([0.0, 0.0, 0.01])
     headroom = caster.cast(above, np.broadcast_to([0.0, 0.0, 1.0], above.shape))
-    standing = points[headroom > _STANDING_HEIGHT_M, 2]
+    covered = (headroom > _STANDING_HEIGHT_M) & np.isfinite(headroom)
+    # A roof is level and has all the room in the world above it: open sky counts only where nothing is covered.
+    indoors = np.mean(covered) > _MIN_COVERED_SHARE
+    standing = points[covered if indoors else headroom > _STANDING_HEIGHT_M, 2]
     if len(standing) == 0:
         raise SceneError(
             f"nowhere in the scene is there {_STANDING_HEIGHT_M} m of room above a level surface: "

@@ -111,8 +111,7 @@ class RayCaster:
         occluded = self._embree.test_occlusions(
             o3d.core.Tensor.from_numpy(rays.reshape(-1, 6)), tnear=0.0, tfar=1.0
         )
-        free: Bool[ndarray, "*rays"] = ~occluded.numpy().reshape(rays.shape[:-1])
-        return free
+        return np.logical_not(occluded.numpy()).reshape(rays.shape[:-1])
 
     def _rays_of(self, intrinsics: CameraIntrinsics) -> Float32[ndarray, "n 3"]:
         if intrinsics not in self._camera_rays:
