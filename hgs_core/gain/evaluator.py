@@ -45,7 +45,14 @@ class PanoramaGainEvaluator:
         """Gains of a camera at each position, level, all yaws. `observed_share` is lambda_o of Eq. 10."""
         size = snapshot.voxels.config.size_m
         field = self._field_around(snapshot, positions_m)
-        panoramas = march(self._grid, field, positions_m, size_m=size, range_m=self._range_m)
+        panoramas = march(
+            self._grid,
+            field,
+            positions_m,
+            size_m=size,
+            range_m=self._range_m,
+            saturation_m=self.config.quality_saturation_m,
+        )
         coverage = coverage_by_yaw(
             self._grid, panoramas, self.config.coverage_measure, voxel_volume_m3=size**3
         )

@@ -92,9 +92,18 @@ class Panoramas:
 
 
 def march(
-    grid: PanoramaGrid, field: GainField, positions_m: Float[ndarray, "n 3"], *, size_m: float, range_m: float
+    grid: PanoramaGrid,
+    field: GainField,
+    positions_m: Float[ndarray, "n 3"],
+    *,
+    size_m: float,
+    range_m: float,
+    saturation_m: float = 0.0,
 ) -> Panoramas:
-    """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance."""
+    """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance.
+
+    Nearer than `saturation_m` a surface's quality gains no more than from there.
+    """
     shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
     volume, voxels, quality = (np.zeros(shape, np.float32) for _ in range(3))
     if field.cells.size:
@@ -105,6 +114,7 @@ def march(
             grid.tan_high,
             range_m / size_m,
             OPAQUE_BELOW,
+            saturation_m / size_m,
             FACE_GAP_VOXELS,
             volume,
             voxels,

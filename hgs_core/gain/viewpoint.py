@@ -42,6 +42,9 @@ class GainConfig(StrictConfig):
     frames, its surfaces seen as well as by eight keyframes from 2.5 m, still score 6 to 15 m^2. This scale
     puts them at 0.1 to 0.3.
     """
+    quality_saturation_m: float = Field(0.0, ge=0)
+    """Nearer than this a view gains no more quality than from here: the map cannot hold finer detail. 0 = the
+    paper's gain, which grows without bound towards a surface."""
     azimuth_bins: int = Field(120, ge=24)
     elevation_bins: int = Field(32, ge=8)
 

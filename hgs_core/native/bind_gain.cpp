@@ -41,7 +41,8 @@ void gather_gaussians(Rows8 parameters, Rows8 information, Array<const float, nb
 }
 
 void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<const double, nb::shape<-1, 3>> positions,
-                     double tan_low, double tan_high, double range, double opaque_below, double face_gap,
+                     double tan_low, double tan_high, double range, double opaque_below, double saturation,
+                     double face_gap,
                      Volume<float> unseen_volume, Volume<float> unseen_voxels, Volume<float> quality) {
   static_assert(sizeof(hgs::PanoramaCell) == 3 * sizeof(float));
   for (std::size_t a = 0; a < 3; ++a) {
@@ -57,6 +58,7 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<c
                                tan_high,
                                range,
                                opaque_below,
+                               saturation,
                                face_gap};
   hgs::march_panoramas(grid_of(cells.shape(0), cells.shape(1), cells.shape(2)),
                        reinterpret_cast<const hgs::PanoramaCell*>(cells.data()), positions.data(),
@@ -72,6 +74,6 @@ void bind_gain(nb::module_& m) {
         "block_bounds"_a, "block"_a, "lower"_a, "cell"_a, "prior"_a, "focal_px"_a, "unseen_quality"_a,
         "max_quality"_a, "min_opacity"_a, "optical_depth"_a, "quality"_a, "count"_a, "Add Gaussians to the voxels that hold their centres.");
   m.def("march_panoramas", &march_panoramas, "cells"_a, "positions"_a, "tan_low"_a, "tan_high"_a, "range"_a,
-        "opaque_below"_a, "face_gap"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
+        "opaque_below"_a, "saturation"_a, "face_gap"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
         "March panoramas (n, elevation, azimuth) through cells (optical depth, unseen, quality); lengths in cells.");
 }

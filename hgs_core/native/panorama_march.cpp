@@ -7,7 +7,8 @@
 //   unseen volume   T (rho_1^3 - rho_0^3) / 3 du dphi           for a voxel whose sight is a gain
 //   unseen voxels   T                                           the same, per pixel (the paper's measure)
 //   quality         T' q (rho_1 - rho_0) du dphi                q = Q_v / V: the integral of q T' dV / rho^2,
-//                                                               that is sum_v T' Q_v / rho^2 over voxels
+//                                                               that is sum_v T' Q_v / rho^2 over voxels;
+//                                               Q_v / rho_s^2 nearer than the saturation distance rho_s
 //
 // T' is T as it was before the face that the ray is in. A face is a run of voxels that stop most of the light, with
 // gaps of at most `face_gap`; it does not hide itself. Without this a surface seen at a grazing angle, whose ray
@@ -24,6 +25,17 @@
 
 namespace hgs {
 
+namespace {
+
+// Integral of min(1, (t / saturation)^2) over [t_0, t_1].
+double quality_length(double t_0, double t_1, double saturation) {
+  if (t_0 >= saturation) return t_1 - t_0;
+  const double t = std::min(t_1, saturation);
+  return (t * t * t - t_0 * t_0 * t_0) / (3.0 * saturation * saturation) + (t_1 - t);
+}
+
+}  // namespace
+
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
                      const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality) {
   constexpr float kSurface = 0.6931f;  // stops half of the light over one edge length
@@ -32,6 +44,7 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
   const double volume_scale = std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi;
   const double quality_scale = panorama.range * d_u * d_phi;
+  const double saturation = panorama.saturation / panorama.range;
   const double face_gap = panorama.face_gap / panorama.range;
 
 #pragma omp parallel for collapse(2) schedule(dynamic, 4)
@@ -57,7 +70,7 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
               volume += now * (t_1 * t_1 * t_1 - t_0 * t_0 * t_0);
               voxels += now;
             }
-            gained += before_face * cell.quality * (t_1 - t_0);
+            gained += before_face * cell.quality * quality_length(t_0, t_1, saturation);
             if (cell.optical_depth > 0.0f) {
               const bool opaque = std::isinf(cell.optical_depth);
               now = opaque ? 0.0 : now * std::exp(-cell.optical_depth * (t_1 - t_0) * length);
