@@ -68,7 +68,7 @@ def find_floor_z(caster: RayCaster) -> float:
     above = points + np.array([0.0, 0.0, 0.01])
     headroom = caster.cast(above, np.broadcast_to([0.0, 0.0, 1.0], above.shape))
     covered = (headroom > _STANDING_HEIGHT_M) & np.isfinite(headroom)
-    # A roof is level and has all the room in the world above it: open sky counts only where nothing is covered.
+    # A roof is level with all the room in the world above: open sky counts only where nothing is covered.
     indoors = np.mean(covered) > _MIN_COVERED_SHARE
     standing = points[covered if indoors else headroom > _STANDING_HEIGHT_M, 2]
     if len(standing) == 0:

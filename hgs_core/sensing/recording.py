@@ -6,6 +6,7 @@ import json
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -59,24 +60,21 @@ class RecordedSequence:
 
     def __iter__(self) -> Iterator[Frame]:
         for sequence, (colour, depth, pose) in enumerate(self._rows):
-            try:
-                yield Frame(
-                    rgb=self._read_rgb(colour),
-                    depth_m=self._read_depth(depth),
-                    intrinsics=self.intrinsics,
-                    T_world_camera=pose,
-                    timestamp_s=colour.time_s,
-                    sequence=sequence,
-                )
-            except SensorError as error:
-                raise StreamError(f"{colour.where}: {error}") from error
+            yield Frame(
+                rgb=self._read_rgb(colour),
+                depth_m=self._read_depth(depth),
+                intrinsics=self.intrinsics,
+                T_world_camera=pose,
+                timestamp_s=colour.time_s,
+                sequence=sequence,
+            )
 
     def _read_rgb(self, row: _Row) -> UInt8[ndarray, "h w 3"]:
-        with _open_image(self.folder, row) as image:
+        with self._open_image(row) as image:
             return np.asarray(image.convert("RGB"))
 
     def _read_depth(self, row: _Row) -> Float32[ndarray, "h w"]:
-        with _open_image(self.folder, row) as image:
+        with self._open_image(row) as image:
             raw = np.asarray(image)
         if raw.ndim != 2:
             raise StreamError(
@@ -85,6 +83,22 @@ class RecordedSequence:
         depth = raw.astype(np.float32) / np.float32(self._depth_scale)
         depth[np.isin(raw, _NO_RETURN)] = 0.0
         return depth
+
+    def _open_image(self, row: _Row) -> Image.Image:
+        path = self.folder / row.fields[0]
+        try:
+            image = Image.open(path)
+            image.load()
+        except FileNotFoundError as error:
+            raise StreamError(f"{row.where}: {path} is missing") from error
+        except (UnidentifiedImageError, OSError) as error:
+            raise StreamError(f"{row.where}: {path} is not a readable image: {error}") from error
+        if image.size != (self.intrinsics.width, self.intrinsics.height):
+            raise StreamError(
+                f"{row.where}: {row.fields[0]} measures {image.width} x {image.height} pixels, "
+                f"the camera {self.intrinsics.width} x {self.intrinsics.height}"
+            )
+        return image
 
 
 def _read_intrinsics(path: Path) -> tuple[CameraIntrinsics, float]:
@@ -105,7 +119,8 @@ def _read_intrinsics(path: Path) -> tuple[CameraIntrinsics, float]:
         raise StreamError(f"{path}:{error.lineno}: not valid JSON: {error.msg}") from error
     except (KeyError, TypeError, ValueError, ConfigError) as error:
         raise StreamError(
-            f"{path}: {error!r}; expected numbers width, height, fx, fy, cx, cy and depth_scale (units per metre)"
+            f"{path}: {error!r}; expected numbers width, height, fx, fy, cx, cy, "
+            "depth_scale (units per metre)"
         ) from error
     if not scale > 0:
         raise StreamError(f"{path}: depth_scale is {scale}, expected units per metre above 0")
@@ -129,9 +144,9 @@ def _read_rows(path: Path, *, n_fields: int) -> list[_Row]:
         rows.append(_Row(time_s=_number(words[0], where), fields=tuple(words[1:]), where=where))
     if not rows:
         raise StreamError(f"{path}: no rows")
-    if any(after.time_s <= before.time_s for before, after in zip(rows, rows[1:], strict=False)):
-        late = next(a for b, a in zip(rows, rows[1:], strict=False) if a.time_s <= b.time_s)
-        raise StreamError(f"{late.where}: timestamp {late.time_s} is not after the row before")
+    for before, after in pairwise(rows):
+        if after.time_s <= before.time_s:
+            raise StreamError(f"{after.where}: timestamp {after.time_s} is not after the row before")
     return rows
 
 
@@ -157,15 +172,3 @@ def _nearest(rows: list[_Row], time_s: float) -> _Row | None:
     after = bisect_left(rows, time_s, key=lambda row: row.time_s)
     near = min(rows[max(0, after - 1) : after + 1], key=lambda row: abs(row.time_s - time_s))
     return near if abs(near.time_s - time_s) <= _MAX_TIME_OFFSET_S else None
-
-
-def _open_image(folder: Path, row: _Row) -> Image.Image:
-    path = folder / row.fields[0]
-    try:
-        image = Image.open(path)
-        image.load()
-    except FileNotFoundError as error:
-        raise StreamError(f"{row.where}: {path} is missing") from error
-    except (UnidentifiedImageError, OSError) as error:
-        raise StreamError(f"{row.where}: {path} is not a readable image: {error}") from error
-    return image

@@ -20,6 +20,7 @@ _BEGINS_WITHIN_M = 0.25
 _FIRST_WAYPOINT_M = 0.05
 _REACHED_M = 1e-9
 _CHECK_STEP_M = 0.005
+_MARGIN_M = 1e-3
 _SAME_CONTACT_M = 0.02
 
 
@@ -138,7 +139,8 @@ class SimulatedRobot:
         clearance = float(self._obstacles.clearance_m(begin))
         travelled = 0.0
         while travelled < length_m:
-            step = min(max(clearance - radius, _CHECK_STEP_M), length_m - travelled)
+            # A little less than the free distance: a contact is then always found by a small step.
+            step = min(max(clearance - radius - _MARGIN_M, _CHECK_STEP_M), length_m - travelled)
             ahead = begin + (travelled + step) * direction
             clearance_ahead = float(self._obstacles.clearance_m(ahead))
             # Moving out of an obstacle is allowed, into or deeper into one is not.
