@@ -28,6 +28,9 @@ def join_views(cycle: PlanningCycle, views: list[View]) -> Path:
                 positions.append(point)
                 yaws.append(np.nan)
         heading = view.yaw_near(heading)
+        if np.isfinite(yaws[-1]):  # a second view from the same place
+            positions.append(positions[-1])
+            yaws.append(np.nan)
         yaws[-1] = heading
         before = view
     return Path(positions_m=np.stack(positions), yaws_rad=np.array(yaws))

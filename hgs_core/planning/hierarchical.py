@@ -87,10 +87,8 @@ class HierarchicalPlanner:
         """One planning cycle."""
         began = time.perf_counter()
         self._scorer.elapsed_s = 0.0
-        for x_m, y_m, yaw_rad in self._pursuit.views_taken_at(robot):
-            self._memory.add(x_m, y_m, yaw_rad)
-        self._memory.current = (robot.x_m, robot.y_m, robot.yaw_rad)
         cycle = self._survey(snapshot, robot)
+        self._remember_views_taken(cycle)
         self._global.roadmap.grow(cycle.grid, cycle.reach, rng)
         tour = self._global.tour(cycle, rng, whole_map=False)
         global_s = time.perf_counter() - began - self._scorer.elapsed_s
@@ -117,7 +115,9 @@ class HierarchicalPlanner:
         if not stops:
             self._pursuit.drop()
             return self._nothing_left(cycle, tour, local, times)
-        self._pursuit.follow(path, cycle.grid, robot.timestamp_s)
+        yaws = path.yaws_rad[np.isfinite(path.yaws_rad)]
+        gains = [view.undiscounted_gain_at(float(yaw)) for view, yaw in zip(stops, yaws, strict=True)]
+        self._pursuit.follow(path, np.array(gains), cycle.grid, robot.timestamp_s)
         return Plan(
             path=path,
             candidates=self._candidates(tour, local),
@@ -170,6 +170,16 @@ class HierarchicalPlanner:
         self._global.restore(state["global"])
         self._memory.restore(state["memory"])
         self._pursuit.restore(state["pursuit"])
+
+    def _remember_views_taken(self, cycle: PlanningCycle) -> None:
+        """Also how much of each view's gain is still promised now that it was taken."""
+        robot = cycle.robot
+        for x_m, y_m, yaw_rad, predicted in self._pursuit.views_taken_at(robot).tolist():
+            place = np.array([[x_m, y_m]])
+            (view,) = self._scorer.score(cycle.snapshot, place, [-1], cycle.observed_share)
+            remaining = view.undiscounted_gain_at(yaw_rad) / max(predicted, 1e-9)
+            self._memory.add(x_m, y_m, yaw_rad, remaining_share=remaining)
+        self._memory.current = (robot.x_m, robot.y_m, robot.yaw_rad)
 
     def _survey(self, snapshot: MapSnapshot, robot: RobotState) -> PlanningCycle:
         """What the maps say, once for both levels."""

@@ -27,28 +27,30 @@ class Pursuit:
     def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
         self._config = config
         self._robot = robot
-        self._views: Float[ndarray, "n_views 3"] = np.zeros((0, 3))
-        """x [m], y [m], yaw [rad] of the views on the path, in order."""
+        self._views: Float[ndarray, "n_views 4"] = np.zeros((0, 4))
+        """x [m], y [m], yaw [rad] and predicted gain of the views on the path, in order."""
         self._accepted_m: Float[ndarray, " n_segments"] = np.zeros(0)
         """Clearance that each segment of the path had when it was planned."""
         self._checked_s = -np.inf
 
-    def follow(self, path: Path, grid: NavigationGrid, timestamp_s: float) -> None:
-        """A new plan is under way."""
+    def follow(
+        self, path: Path, gains: Float[ndarray, " n_views"], grid: NavigationGrid, timestamp_s: float
+    ) -> None:
+        """A new plan is under way; `gains` are the evaluator's for each view on its path."""
         at = np.isfinite(path.yaws_rad)
-        self._views = np.column_stack([path.positions_m[at], path.yaws_rad[at]])
+        self._views = np.column_stack([path.positions_m[at], path.yaws_rad[at], gains])
         self._accepted_m = grid.path_clearance_m(path.positions_m)
         self._checked_s = timestamp_s
 
     def drop(self) -> None:
         """No plan is under way."""
-        self._views = np.zeros((0, 3))
+        self._views = np.zeros((0, 4))
         self._accepted_m = np.zeros(0)
 
-    def views_taken_at(self, robot: RobotState) -> Float[ndarray, "n 3"]:
+    def views_taken_at(self, robot: RobotState) -> Float[ndarray, "n 4"]:
         """The next views of the path that the robot's pose has just taken; they are no longer ahead."""
         n = 0
-        for x_m, y_m, yaw_rad in self._views:
+        for x_m, y_m, yaw_rad, _ in self._views:
             near = np.hypot(x_m - robot.x_m, y_m - robot.y_m) <= TAKEN_WITHIN_M
             if not near or turn_rad(robot.yaw_rad, yaw_rad) > TAKEN_WITHIN_RAD:
                 break

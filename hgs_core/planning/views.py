@@ -25,8 +25,7 @@ CURRENT_PLACE_M = 0.1
 
 
 class ViewMemoryConfig(StrictConfig):
-    """A view that was taken and still promises the same gain promised wrongly: it is believed less each
-    time."""
+    """A view that was taken is not taken again and again, and a gain that did not drop is believed less."""
 
     same_place_m: float = Field(0.4, gt=0)
     """Views closer than this ..."""
@@ -34,6 +33,10 @@ class ViewMemoryConfig(StrictConfig):
     """... and within this angle of one that was taken are discounted."""
     discount: float = Field(0.3, gt=0, lt=1)
     """Factor on the gain for each time such a view was taken: geometric, so that missions end."""
+    false_gain_place_m: float = Field(1.5, gt=0)
+    """Where a view's gain did not drop when it was taken, views closer than this ..."""
+    false_gain_yaw_deg: float = Field(45.0, gt=0)
+    """... and within this angle are discounted, too, in proportion to the share of the gain that remained."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +53,8 @@ class View:
     total_gain: float
     yaws_rad: Float[ndarray, " n_yaws"]
     total_by_yaw: Float[ndarray, " n_yaws"]
+    undiscounted_by_yaw: Float[ndarray, " n_yaws"]
+    """The evaluator's own totals."""
 
     def yaw_near(self, heading_rad: float) -> float:
         """Of the yaws about as good as the best, the one nearest to `heading_rad`."""
@@ -58,7 +63,14 @@ class View:
 
     def gain_at(self, yaw_rad: float) -> float:
         """The total gain at the evaluated yaw nearest to `yaw_rad`."""
-        return float(self.total_by_yaw[np.argmin(np.abs(wrap_angle(self.yaws_rad - yaw_rad)))])
+        return float(self.total_by_yaw[self._nearest(yaw_rad)])
+
+    def undiscounted_gain_at(self, yaw_rad: float) -> float:
+        """The evaluator's own total there."""
+        return float(self.undiscounted_by_yaw[self._nearest(yaw_rad)])
+
+    def _nearest(self, yaw_rad: float) -> int:
+        return int(np.argmin(np.abs(wrap_angle(self.yaws_rad - yaw_rad))))
 
     def at_cell(self, cell: int) -> View:
         """The same view in another cycle's grid."""
@@ -86,31 +98,36 @@ class View:
 
 
 class ViewMemory:
-    """Which views have been taken on purpose."""
+    """Which views have been taken on purpose, and what became of their gain."""
 
     def __init__(self, config: ViewMemoryConfig) -> None:
         self.config = config
-        self.taken: Float[ndarray, "n 3"] = np.zeros((0, 3))
-        """x [m], y [m], yaw [rad] of each."""
+        self.taken: Float[ndarray, "n 4"] = np.zeros((0, 4))
+        """x [m], y [m], yaw [rad] of each, and the share of the predicted gain that remained afterwards."""
         self.current: tuple[float, float, float] | None = None
         """The robot's pose when it last planned: what it sees from there is already in the map."""
 
-    def add(self, x_m: float, y_m: float, yaw_rad: float) -> None:
-        self.taken = np.concatenate([self.taken, [[x_m, y_m, yaw_rad]]])
+    def add(self, x_m: float, y_m: float, yaw_rad: float, *, remaining_share: float) -> None:
+        """A view was taken. `remaining_share`: its gain now over the gain predicted, cut to 0..1."""
+        self.taken = np.concatenate([self.taken, [[x_m, y_m, yaw_rad, np.clip(remaining_share, 0.0, 1.0)]]])
 
     def factors(
         self, places_m: Float[ndarray, "n 2"], yaws_rad: Float[ndarray, " n_yaws"]
     ) -> Float[ndarray, "n n_yaws"]:
         """What a gain at each place and yaw is multiplied by."""
+        config = self.config
         apart = np.linalg.norm(places_m[:, None] - self.taken[None, :, :2], axis=2)
         turned = np.abs(wrap_angle(yaws_rad[:, None] - self.taken[None, :, 2]))
-        same_yaw = (turned < np.radians(self.config.same_yaw_deg)).astype(np.float64)
-        times = (apart < self.config.same_place_m).astype(np.float64) @ same_yaw.T
-        factors: Float[ndarray, "n n_yaws"] = self.config.discount**times
+        once = np.ones(len(self.taken))
+        times = _matches(apart, config.same_place_m, turned, config.same_yaw_deg, once)
+        false = _matches(
+            apart, config.false_gain_place_m, turned, config.false_gain_yaw_deg, self.taken[:, 3]
+        )
+        factors: Float[ndarray, "n n_yaws"] = config.discount ** np.maximum(times, false)
         if self.current is not None:
             x_m, y_m, yaw_rad = self.current
             at = np.hypot(places_m[:, 0] - x_m, places_m[:, 1] - y_m) < CURRENT_PLACE_M
-            same = np.abs(wrap_angle(yaws_rad - yaw_rad)) < np.radians(self.config.same_yaw_deg)
+            same = np.abs(wrap_angle(yaws_rad - yaw_rad)) < np.radians(config.same_yaw_deg)
             factors[np.ix_(at, same)] = 0.0
         return factors
 
@@ -120,6 +137,19 @@ class ViewMemory:
     def restore(self, state: dict[str, Any]) -> None:
         self.taken = np.array(state["taken"])
         self.current = None if state["current"] is None else tuple(state["current"])
+
+
+def _matches(
+    apart_m: Float[ndarray, "n n_taken"],
+    within_m: float,
+    turned_rad: Float[ndarray, "n_yaws n_taken"],
+    within_deg: float,
+    weights: Float[ndarray, " n_taken"],
+) -> Float[ndarray, "n n_yaws"]:
+    """The weights of the taken views near each place and yaw, summed."""
+    near = (apart_m < within_m) * weights
+    matches: Float[ndarray, "n n_yaws"] = near @ (turned_rad < np.radians(within_deg)).T.astype(np.float64)
+    return matches
 
 
 class ViewScorer:
@@ -153,6 +183,7 @@ class ViewScorer:
                 total_gain=float(totals[i, best[i]]),
                 yaws_rad=gains.yaws_rad,
                 total_by_yaw=totals[i],
+                undiscounted_by_yaw=gains.total_by_yaw[i],
             )
             for i in range(len(places_m))
         ]

@@ -7,12 +7,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from closed_world import CAMERA_HEIGHT_M, RANGE_M, ClosedWorld, CountingGain, PointRobot, new_voxels
 
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.plan import NothingLeft, Plan
 from hgs_core.robot.robot import RobotConfig
+from tests.planning.closed_world import (
+    CAMERA_HEIGHT_M,
+    RANGE_M,
+    ClosedWorld,
+    CountingGain,
+    PointRobot,
+    new_voxels,
+)
 
 
 @dataclass

@@ -17,10 +17,10 @@ from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
 
 SIZE_M = 0.1
-RANGE_M = 5.0
-CAMERA = CameraIntrinsics.centred(96, 54, 48.0)
+RANGE_M = 4.0
+CAMERA = CameraIntrinsics.centred(80, 46, 40.0)
 CAMERA_HEIGHT_M = 1.0
-STEP_M = 0.04
+STEP_M = 0.05
 
 
 @dataclass
@@ -28,6 +28,8 @@ class ClosedWorld:
     """True occupancy over `[0, nx * 0.1) x ...`; its border is solid."""
 
     solid: np.ndarray
+    wall_m: tuple[float, float] = (np.inf, np.inf)
+    """x of the wall between the front rooms, y of the wall before the back room."""
 
     @property
     def region(self) -> Box:
@@ -74,23 +76,23 @@ class ClosedWorld:
 
 
 def three_rooms() -> ClosedWorld:
-    """Two rooms side by side and one behind them, 0.9 m doors, a table, a shelf; 9 x 7 x 2.5 m."""
-    solid = np.zeros((90, 70, 25), dtype=bool)
+    """Two rooms side by side and one behind both, 0.9 m doors, furniture; 7 x 6 x 2.2 m."""
+    solid = np.zeros((70, 60, 22), dtype=bool)
     solid[:, :, 0] = solid[:, :, -1] = True  # floor (the layer below 0.1 m) and ceiling
     solid[[0, -1]] = solid[:, [0, -1]] = True
-    solid[45, :40] = True
-    solid[45, 14:23, 1:21] = False  # door between A (left) and B (right)
-    solid[:, 40] = True
-    solid[64:73, 40, 1:21] = False  # door between B and C (behind both)
-    solid[10:18, 25:32, 7:8] = True  # a table top in A ...
-    solid[[10, 17], 25, 1:8] = solid[[10, 17], 31, 1:8] = True  # ... on legs
-    solid[70:88, 1:5, 1:18] = True  # a shelf in B
-    solid[20:24, 52:60, 1:12] = True  # a cupboard in the middle of C
-    return ClosedWorld(solid)
+    solid[35, :35] = True
+    solid[35, 12:21, 1:19] = False  # door between A (left) and B (right)
+    solid[:, 35] = True
+    solid[50:59, 35, 1:19] = False  # door between B and C (behind both)
+    solid[8:15, 23:29, 7] = True  # a table top in A ...
+    solid[[8, 14], 23, 1:8] = solid[[8, 14], 28, 1:8] = True  # ... on legs
+    solid[55:69, 1:5, 1:16] = True  # a shelf in B
+    solid[20:24, 45:52, 1:12] = True  # a cupboard in the middle of C
+    return ClosedWorld(solid, wall_m=(3.5, 3.5))
 
 
 class CountingGain:
-    """Gain = volume of missing voxels in view: in range, in the field of view, nothing occupied before them."""
+    """Gain = volume of missing voxels in range and in the field of view, nothing occupied before them."""
 
     def __init__(self, scale: float = 1.0) -> None:
         self.scale = scale
@@ -102,7 +104,7 @@ class CountingGain:
         self.places += len(positions_m)
         voxels = snapshot.voxels
         missing = voxels.centres_m(np.argwhere(voxels.missing()))
-        stride = max(1, len(missing) // 600)
+        stride = max(1, len(missing) // 300)
         missing, weight = missing[::stride], stride * SIZE_M**3 * self.scale
         yaws = np.linspace(-np.pi, np.pi, 48, endpoint=False)
         gains = np.zeros((len(positions_m), len(yaws)))
@@ -131,7 +133,7 @@ class CountingGain:
     def _in_sight(voxels: VoxelMap, position: np.ndarray, targets: np.ndarray) -> np.ndarray:
         if not len(targets):
             return np.zeros(0, dtype=bool)
-        shares = np.linspace(0.01, 0.98, 75)
+        shares = np.linspace(0.01, 0.98, 55)
         between = position + shares[:, None, None] * (targets - position)[None]
         index, inside = voxels.index_of(between.reshape(-1, 3))
         index = np.clip(index, 0, np.array(voxels.states.shape) - 1)
