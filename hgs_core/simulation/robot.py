@@ -151,12 +151,14 @@ class SimulatedRobot:
             clearance = clearance_ahead
             self._position = ahead
             self._path_length_m += step
+            if self._contact is not None and np.linalg.norm(ahead - self._contact) > _SAME_CONTACT_M:
+                self._contact = None
         return True
 
     def _touch(self) -> None:
-        if self._contact is None or np.linalg.norm(self._position - self._contact) > _SAME_CONTACT_M:
+        if self._contact is None:
             self._collisions += 1
-        self._contact = self._position.copy()
+            self._contact = self._position.copy()
         self.stop()
 
     def snapshot(self) -> dict[str, Any]:
