@@ -27,9 +27,7 @@ def list_events(
     after: Annotated[int, Query(ge=0, description="Only events with a higher sequence number")] = 0,
     limit: Annotated[int, Query(ge=1, le=5_000)] = 500,
     kind: Annotated[list[str] | None, Query(description="Only these kinds; repeat for several")] = None,
-    newest: Annotated[
-        bool, Query(description="The last ones instead of the first; `after` is ignored")
-    ] = False,
+    newest: Annotated[bool, Query(description="The last ones, not the first; `after` is ignored")] = False,
 ) -> EventPage:
     """Past events in order."""
     if newest:

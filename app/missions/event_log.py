@@ -95,7 +95,7 @@ class EventLog:
         return page, False
 
     def newest_of(self, kinds: Iterable[str] | None, limit: int) -> tuple[list[Event], bool]:
-        """The last `limit` events of the given kinds in memory, in order, and whether there are older ones."""
+        """The last `limit` events of these kinds in memory, in order, and whether there are older ones."""
         wanted = None if kinds is None else frozenset(kinds)
         with self._lock:
             pools = (self._others, self._telemetry)

@@ -115,7 +115,7 @@ class Mission:
             if self._supervisor is not None:
                 self._supervisor.stop()
             if self.state is not MissionState.STOPPING:
-                self._change(MissionState.STOPPING, f"{reason}; it evaluates and writes its results")
+                self._change(MissionState.STOPPING, f"{reason}; it writes its results")
 
     def force(self, reason: str) -> None:
         supervisor = self._supervisor
@@ -131,6 +131,8 @@ class Mission:
         """Take in an event of the mission process."""
         self._heard_at = time.monotonic()
         with self._lock:
+            if event["kind"] == "telemetry":
+                event["view_sequence"] = self._view[0] if self._view is not None else 0
             numbered = self.log.append({"received_at": time.time(), **in_degrees(event)})
             if numbered["kind"] == "phase":
                 self._follow_phase(str(numbered["phase"]), str(numbered["reason"]))

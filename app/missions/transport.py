@@ -179,32 +179,39 @@ class EventSender:
 
 
 class CommandReceiver:
-    """Commands of the operator, newest STOP first. Implements `CommandSource` in words, not enums."""
+    """Commands of the operator, in words, each handed out once. STOP overtakes whatever waits before it, and
+    nothing comes after it: callers may poll until there is nothing left.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._waiting: deque[str] = deque()
         self._lock = threading.Lock()
-        self._stopped = threading.Event()
+        self._stop_wanted = False
+        self._stop_handed_out = False
 
     def stop_now(self) -> None:
         """Let the next `poll` return stop, whatever the pipe holds."""
-        self._stopped.set()
+        with self._lock:
+            self._stop_wanted = True
 
     def poll(self) -> str | None:
-        if self._stopped.is_set():
-            return "stop"
         with self._lock:
-            try:
-                while self._connection.poll(0):
-                    self._waiting.append(self._connection.recv_bytes().decode())
-            except (EOFError, OSError):  # the service has gone
-                self._stopped.set()
-                return "stop"
-            if "stop" in self._waiting:
-                self._stopped.set()
+            if self._stop_handed_out:
+                return None
+            self._receive()
+            if self._stop_wanted:
+                self._stop_handed_out = True
                 return "stop"
             return self._waiting.popleft() if self._waiting else None
+
+    def _receive(self) -> None:
+        try:
+            while not self._stop_wanted and self._connection.poll(0):
+                self._waiting.append(self._connection.recv_bytes().decode())
+        except (EOFError, OSError):  # the service has gone
+            self._stop_wanted = True
+        self._stop_wanted |= "stop" in self._waiting
 
 
 def plain_json(value: Any) -> Any:

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from app.missions.colour_maps import ramp
 from app.missions.display import CANDIDATE_STATUSES, MAX_CANDIDATES, DisplayView
-from app.viewer.palette import REJECTED
+from app.viewer.palette import REJECTED, as_linear
 
 _SMALL: Final = 0.55
 _LARGE: Final = 1.6
@@ -78,8 +78,8 @@ class CandidateLayer:
             positions[:n_markers] = poses[:n_markers, :3]
             scales[:n_markers] = sizes[:n_markers, None]
             # The dark third of the map is left out: it would vanish against the dark background.
-            colours[:n_markers] = ramp()[(90 + shares[:n_markers] * 165).astype(np.uint8)]
-            colours[:n_markers][rejected[:n_markers]] = REJECTED
+            colours[:n_markers] = as_linear(ramp()[(90 + shares[:n_markers] * 165).astype(np.uint8)])
+            colours[:n_markers][rejected[:n_markers]] = as_linear(np.array(REJECTED, np.uint8))
             opacities[:n_markers] = np.where(rejected[:n_markers], _FAINT, 1.0)
             wxyzs[:n_markers, 0] = np.cos(poses[:n_markers, 3] / 2)
             wxyzs[:n_markers, 3] = np.sin(poses[:n_markers, 3] / 2)
@@ -91,8 +91,8 @@ class CandidateLayer:
 
 
 def marker_mesh() -> tuple[Float32[ndarray, "n_vertices 3"], ndarray]:
-    """A ball of 8 cm radius and an arrow of 32 cm along +x."""
-    rings, sides, radius = 6, 10, 0.08
+    """A ball of 10 cm radius and an arrow of 45 cm along +x."""
+    rings, sides, radius = 6, 10, 0.10
     vertices: list[tuple[float, float, float]] = []
     faces: list[tuple[int, int, int]] = []
     for ring in range(rings + 1):
@@ -111,10 +111,10 @@ def marker_mesh() -> tuple[Float32[ndarray, "n_vertices 3"], ndarray]:
             a, b = ring * sides + side, ring * sides + (side + 1) % sides
             faces += [(a, a + sides, b), (b, a + sides, b + sides)]
     tip = len(vertices)
-    vertices.append((0.32, 0.0, 0.0))
+    vertices.append((0.45, 0.0, 0.0))
     base = len(vertices)
     for side in range(sides):
         turn = 2 * np.pi * side / sides
-        vertices.append((0.06, 0.055 * float(np.cos(turn)), 0.055 * float(np.sin(turn))))
+        vertices.append((0.07, 0.07 * float(np.cos(turn)), 0.07 * float(np.sin(turn))))
     faces += [(tip, base + side, base + (side + 1) % sides) for side in range(sides)]
     return np.array(vertices, np.float32), np.array(faces, np.uint32)

@@ -15,7 +15,7 @@ class GlobalTourLayer:
     shown_at_first = True
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._line = FixedPolyline(server, "/global_tour", GLOBAL_TOUR, capacity=512, thickness_px=4.0)
+        self._line = FixedPolyline(server, "/global_tour", GLOBAL_TOUR, capacity=512, thickness_px=2.5)
 
     def update(self, view: DisplayView) -> None:
         on_floor = view.global_tour_m.copy()

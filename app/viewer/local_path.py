@@ -15,7 +15,7 @@ class LocalPathLayer:
     shown_at_first = True
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._line = FixedPolyline(server, "/local_path", LOCAL_PATH, capacity=512, thickness_px=5.0)
+        self._line = FixedPolyline(server, "/local_path", LOCAL_PATH, capacity=512, thickness_px=3.5)
 
     def update(self, view: DisplayView) -> None:
         on_floor = view.local_path_m.copy()

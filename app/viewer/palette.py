@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
 RGB = tuple[int, int, int]
 
 ORANGE: Final[RGB] = (230, 159, 0)
@@ -26,6 +30,13 @@ GLOBAL_TOUR: Final = PURPLE
 LOCAL_PATH: Final = SKY
 CAMERA: Final = YELLOW
 REJECTED: Final = GREY
+
+
+def as_linear(colours: UInt8[ndarray, "*shape 3"]) -> UInt8[ndarray, "*shape 3"]:
+    """sRGB colours as viser wants them for single instances and vertices, which it takes for linear light."""
+    shares = colours / 255.0
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    return (linear * 255.0 + 0.5).astype(np.uint8)
 
 
 def css(colour: RGB) -> str:

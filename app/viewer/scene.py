@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 import viser
-from jaxtyping import Float
-from numpy import ndarray
 
 from app.missions.display import DisplayView
 from app.settings import DisplaySettings
 from app.viewer.camera import CameraLayer
 from app.viewer.candidates import CandidateLayer
 from app.viewer.floor import FloorLayer
+from app.viewer.framing import CameraMode, Framing
 from app.viewer.global_tour import GlobalTourLayer
 from app.viewer.layer import Layer
 from app.viewer.legend import legend_html
@@ -28,9 +27,6 @@ from app.viewer.subspaces import SubspaceLayer
 from app.viewer.trajectory import TrajectoryLayer
 
 log = logging.getLogger(__name__)
-
-_HOME_OFFSET_M = np.array([-3.0, -6.5, 8.0])
-"""From the middle of what is known to the camera of a fresh viewer."""
 
 
 class MissionScene:
@@ -57,9 +53,7 @@ class MissionScene:
         self._drawing = threading.Lock()
         self._mission: str | None = None
         self._shown: DisplayView | None = None
-        self._robot_m: Float[ndarray, " 3"] | None = None
-        self._following = False
-        self._place_camera(np.zeros(3))
+        self._framing = Framing(self._server)
         self._build_controls()
         self._waiting: tuple[str, int, DisplayView] | None = None
         self._arrived = threading.Condition()
@@ -114,32 +108,11 @@ class MissionScene:
                 for layer in self._layers:
                     layer.clear()
                 self._mission = mission_id
-                self._robot_m = None
+                self._framing.restart()
             for layer in self._layers:
                 layer.update(view)
-            self._move_cameras(view)
+            self._framing.update(view)
             self._shown = view
-
-    def _move_cameras(self, view: DisplayView) -> None:
-        """A fresh mission is brought into sight; a followed robot takes every camera along."""
-        robot = view.robot_m.astype(np.float64)
-        if self._robot_m is None:
-            self._place_camera(robot)
-            for client in self._server.get_clients().values():
-                client.camera.position = robot + _HOME_OFFSET_M
-                client.camera.look_at = robot
-        elif self._following:
-            moved = robot - self._robot_m
-            if np.any(moved):
-                for client in self._server.get_clients().values():
-                    target = client.camera.look_at + moved
-                    client.camera.position = client.camera.position + moved
-                    client.camera.look_at = target
-        self._robot_m = robot
-
-    def _place_camera(self, target_m: Float[ndarray, " 3"]) -> None:
-        self._server.initial_camera.position = target_m + _HOME_OFFSET_M
-        self._server.initial_camera.look_at = target_m
 
     def _build_controls(self) -> None:
         gui = self._server.gui
@@ -152,8 +125,7 @@ class MissionScene:
             height = gui.add_slider(
                 "Height (m)", min=0.4, max=6.0, step=0.1, initial_value=self._display.clip_height_m
             )
-            follow = gui.add_checkbox("Follow robot", False)
-            overview = gui.add_button("From above")
+            mode = gui.add_button_group("Camera", tuple(CameraMode))
         with gui.add_folder("Legend"):
             gui.add_html(legend_html(self._display.min_splat_m, self._display.max_splats))
         self._clip_at(self._display.clip_height_m)
@@ -162,18 +134,13 @@ class MissionScene:
             with self._drawing:
                 self._clip_at(height.value if hide.value else float("inf"))
 
-        def set_following(_: Any) -> None:
-            self._following = follow.value
-
-        def look_from_above(event: Any) -> None:
-            centre = self._centre_m()
-            event.client.camera.position = centre + np.array([0.0, -0.5, 13.0])
-            event.client.camera.look_at = centre
+        def choose(_: Any) -> None:
+            with self._drawing:
+                self._framing.choose(CameraMode(mode.value))
 
         hide.on_update(clip)
         height.on_update(clip)
-        follow.on_update(set_following)
-        overview.on_click(look_from_above)
+        mode.on_click(choose)
 
     def _add_switch(self, layer: Layer) -> None:
         switch = self._server.gui.add_checkbox(layer.title, layer.shown_at_first)
@@ -192,10 +159,3 @@ class MissionScene:
             layer.clip_height_m = height_m
             if self._shown is not None:
                 layer.update(self._shown)
-
-    def _centre_m(self) -> Float[ndarray, " 3"]:
-        """The middle of the shown map on the floor; the origin when there is none."""
-        if self._shown is None or len(self._shown.splat_centres_m) == 0:
-            return np.zeros(3)
-        lower, upper = np.percentile(self._shown.splat_centres_m, [2, 98], axis=0)
-        return np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, 0.0])

@@ -10,7 +10,7 @@ from jaxtyping import Float32, UInt8
 from numpy import ndarray
 
 from app.missions.display import MAX_SUBSPACES, SUBSPACE_STATES, DisplayView
-from app.viewer.palette import SUBSPACE
+from app.viewer.palette import SUBSPACE, as_linear
 
 _CORNERS: Final = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
 _FLOOR_EDGES: Final = np.array([[0, 2], [2, 6], [6, 4], [4, 0]])
@@ -67,7 +67,8 @@ class SubspaceLayer:
         n_spaces = len(bounds)
         lower = bounds[:, :3] + np.array([_INSET_M, _INSET_M, _LIFT_M], np.float32)
         size = bounds[:, 3:] - bounds[:, :3] - np.array([2 * _INSET_M, 2 * _INSET_M, 0.0], np.float32)
-        colours = np.array([SUBSPACE[SUBSPACE_STATES[state]] for state in states], np.uint8).reshape(-1, 3)
+        palette = as_linear(np.array([SUBSPACE[state] for state in SUBSPACE_STATES], np.uint8))
+        colours = palette[states]
         corners = lower[:, None, :] + _CORNERS[None] * size[:, None, :]
 
         points = np.zeros((MAX_SUBSPACES, 4, 2, 3), np.float32)

@@ -15,7 +15,7 @@ class TrajectoryLayer:
     shown_at_first = True
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._line = FixedPolyline(server, "/trajectory", TRAJECTORY, capacity=2_000, thickness_px=3.0)
+        self._line = FixedPolyline(server, "/trajectory", TRAJECTORY, capacity=2_000, thickness_px=2.5)
 
     def update(self, view: DisplayView) -> None:
         on_floor = view.trajectory_m.copy()

@@ -29,6 +29,8 @@ class Store extends EventTarget {
   series = emptySeries();
   events = [];
   results = [];
+  /** Number of the newest view; images show it. 0 = none yet. */
+  viewSequence = 0;
   connected = true;
   serviceReachable = true;
   heardAt = performance.now();
@@ -84,6 +86,7 @@ class Store extends EventTarget {
     for (const name of Object.keys(COLUMNS)) this.series[name] = metrics.columns[name];
     this.events = page.events;
     this.results = [];
+    this.viewSequence = mission.view_sequence;
     this.connected = true;
     this.heardAt = performance.now();
     const after = Math.max(metrics.next_since, page.events.at(-1)?.sequence ?? 0);
@@ -124,6 +127,7 @@ class Store extends EventTarget {
         return;
       case "telemetry":
         this.figures = event;
+        this.viewSequence = event.view_sequence ?? this.viewSequence;
         this.#append(event);
         this.#changed("figures", "series", "images");
         return;
@@ -155,7 +159,8 @@ class Store extends EventTarget {
   #adopt(mission) {
     if (this.mission?.id !== mission.id) return;
     this.mission = mission;
-    this.#changed("mission");
+    this.viewSequence = mission.view_sequence;
+    this.#changed("mission", "images");
   }
 
   async #refreshResults() {

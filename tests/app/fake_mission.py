@@ -108,7 +108,7 @@ def _drive(
     paused = False
     frame = 0
     while frame < frames:
-        command = None if deaf else commands.poll()
+        command = None if deaf else _newest(commands)
         time_s = frame * FRAME_INTERVAL_S
         if command is Command.STOP:
             stop_reason, message = StopReason.INTERRUPTED, "stopped by the operator"
@@ -151,6 +151,14 @@ def _drive(
     _write(request, stop_reason, frame)
     observer.on_event(MissionEnded(time_s=time_s, stop_reason=stop_reason, message=message))
     observer.on_event(PhaseChanged(time_s=time_s, phase=MissionPhase.ENDED, reason=message))
+
+
+def _newest(commands: Any) -> Command | None:
+    """Polls until nothing is left, as the real loop does."""
+    newest = None
+    while (command := commands.poll()) is not None:
+        newest = command
+    return newest
 
 
 def _room(rng: np.random.Generator) -> np.ndarray:
@@ -273,11 +281,10 @@ def _plan_event(plan: Plan, time_s: float) -> PlanMade:
             {
                 "x_m": c.x_m,
                 "y_m": c.y_m,
-                "z_m": c.z_m,
                 "yaw_rad": c.yaw_rad,
-                "coverage_gain": c.coverage_gain,
-                "quality_gain": c.quality_gain,
-                "total_gain": c.total_gain,
+                "coverage": c.coverage_gain,
+                "quality": c.quality_gain,
+                "total": c.total_gain,
                 "status": str(c.status),
             }
             for c in plan.candidates

@@ -46,7 +46,7 @@ def test_watch_pause_resume_and_stop_over_the_websocket(service):
         frame = until(lambda e: e["kind"] == "telemetry")["frame"]
         assert until(lambda e: e["kind"] == "telemetry")["frame"] > frame
         plan = until(lambda e: e["kind"] == "plan")
-        assert {"yaw_deg", "coverage_gain", "quality_gain", "status"} <= set(plan["candidates"][0])
+        assert {"yaw_deg", "coverage", "quality", "total", "status"} <= set(plan["candidates"][0])
         assert "yaw_rad" not in plan["candidates"][0]
 
         assert client.post(f"{path}/pause").status_code == 202

@@ -129,7 +129,7 @@ def test_telemetry_is_dropped_first_and_nothing_else():
     assert len(numbers) < 25
 
 
-def test_stop_overtakes_what_waits_and_lasts():
+def test_stop_overtakes_what_waits_and_is_handed_out_once():
     reader, writer = multiprocessing.Pipe(duplex=False)
     receiver = CommandReceiver(reader)
     assert receiver.poll() is None
@@ -138,7 +138,10 @@ def test_stop_overtakes_what_waits_and_lasts():
     for word in (b"resume", b"pause", b"stop"):
         writer.send_bytes(word)
     assert receiver.poll() == "stop"
-    assert receiver.poll() == "stop"
+    writer.send_bytes(b"resume")
+    assert receiver.poll() is None  # a caller that polls until nothing is left must come to an end
+    receiver.stop_now()
+    assert receiver.poll() is None
 
 
 def test_losing_the_service_means_stop():

@@ -26,8 +26,8 @@ class CandidateTable extends HTMLElement {
       this.replaceChildren(element("p", { class: "empty" }, "No plan yet."));
       return;
     }
-    const ranked = [...plan.candidates].sort((a, b) => b.total_gain - a.total_gain);
-    const highest = Math.max(ranked[0]?.total_gain ?? 0, 1e-9);
+    const ranked = [...plan.candidates].sort((a, b) => b.total - a.total);
+    const highest = Math.max(ranked[0]?.total ?? 0, 1e-9);
     const facts =
       `${plan.n_selected} of ${plan.n_candidates} candidates chosen · ` +
       `${fixed(plan.observed_share * 100, 0)} % of the surroundings observed · ` +
@@ -47,8 +47,8 @@ class CandidateTable extends HTMLElement {
             element("th", { scope: "col" }, "Total"),
             element("th", { scope: "col" }, "Coverage"),
             element("th", { scope: "col" }, "Quality"),
-            element("th", { scope: "col" }, "x, y (m)"),
-            element("th", { scope: "col" }, "Yaw"),
+            element("th", { class: "if-wide", scope: "col" }, "x, y (m)"),
+            element("th", { class: "if-wide", scope: "col" }, "Yaw"),
           ),
         ),
         element("tbody", {}, ...ranked.map((candidate) => row(candidate, highest))),
@@ -61,17 +61,17 @@ function row(candidate, highest) {
   const [glyph, verdict] = VERDICTS[candidate.status] ?? ["?", candidate.status];
   const chosen = candidate.status === "selected" || candidate.status === "crossing";
   const bar = element("i");
-  bar.style.width = `${Math.max(0, Math.min(100, (candidate.total_gain / highest) * 100))}%`;
+  bar.style.width = `${Math.max(0, Math.min(100, (candidate.total / highest) * 100))}%`;
   const mark = element("span", { "aria-hidden": "true" }, `${glyph} `);
   return element(
     "tr",
     { class: chosen ? "chosen" : "rejected" },
     element("td", { class: "words" }, mark, verdict),
-    element("td", {}, element("span", { class: "gain-bar", "aria-hidden": "true" }, bar), gain(candidate.total_gain)),
-    element("td", {}, gain(candidate.coverage_gain)),
-    element("td", {}, gain(candidate.quality_gain)),
-    element("td", {}, `${fixed(candidate.x_m, 1)}, ${fixed(candidate.y_m, 1)}`),
-    element("td", {}, `${fixed(candidate.yaw_deg, 0)}°`),
+    element("td", {}, element("span", { class: "gain-bar", "aria-hidden": "true" }, bar), gain(candidate.total)),
+    element("td", {}, gain(candidate.coverage)),
+    element("td", {}, gain(candidate.quality)),
+    element("td", { class: "if-wide" }, `${fixed(candidate.x_m, 1)}, ${fixed(candidate.y_m, 1)}`),
+    element("td", { class: "if-wide" }, `${fixed(candidate.yaw_deg, 0)}°`),
   );
 }
 

@@ -38,17 +38,23 @@ class ImageGrid extends HTMLElement {
     clearTimeout(this.timer);
   }
 
+  /** Fetch when there is a newer view, at most once an interval. */
   #schedule() {
-    if (store.mission && store.mission.id !== this.shownMission) {
-      this.shownMission = store.mission.id;
+    const { mission, viewSequence } = store;
+    if (mission && mission.id !== this.shownMission) {
+      this.shownMission = mission.id;
+      this.shownView = 0;
       for (const kind of Object.keys(this.images)) this.#show(kind, null, null);
     }
-    if (this.timer || !store.mission) return;
+    if (this.timer || !mission || viewSequence === this.shownView) return;
+    const pause = Math.max(0, (this.fetchedAt ?? -INTERVAL_MS) + INTERVAL_MS - performance.now());
     this.timer = setTimeout(async () => {
+      this.fetchedAt = performance.now();
+      this.shownView = store.viewSequence;
       await Promise.all(Object.keys(this.images).map((kind) => this.#fetch(kind)));
       this.timer = null;
-    }, this.timed ? INTERVAL_MS : 0);
-    this.timed = true;
+      this.#schedule();
+    }, pause);
   }
 
   async #fetch(kind) {

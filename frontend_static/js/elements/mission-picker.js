@@ -17,8 +17,8 @@ class MissionPicker extends HTMLElement {
   #draw() {
     const entries = store.missions.map((mission) => {
       const began = new Date((mission.started_at ?? mission.created_at) * 1000);
-      const time = began.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
-      const text = `${time}  ${mission.scene} · ${mission.preset} · seed ${mission.seed} · ${mission.state}`;
+      const time = began.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", hour12: false });
+      const text = `${time} ${mission.scene} · ${mission.preset} · seed ${mission.seed}`;
       return { id: mission.id, text };
     });
     const signature = JSON.stringify(entries);
