@@ -53,19 +53,13 @@ class GaussianMap:
         default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
     )
     """H_train: diagonal Fisher information of each parameter, summed over keyframes (HGS-Planner Eq. 9)."""
-    information_weight: Float32[ndarray, " capacity"] = field(
-        default_factory=lambda: np.zeros(0, np.float32)
-    )
-    """Sum over the keyframes that saw the Gaussian of 1 / z^2 [1/m^2]: H_train / this = information from 1 m."""
+    information_weight: Float32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.float32))
+    """Sum of 1 / z^2 [1/m^2] over the keyframes that saw it: H_train / this = information from 1 m."""
     anchor_keyframe: Int32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.int32))
     """The keyframe whose depth placed the Gaussian."""
-    n_depth_observations: UInt16[ndarray, " capacity"] = field(
-        default_factory=lambda: np.zeros(0, np.uint16)
-    )
+    n_depth_observations: UInt16[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.uint16))
     """How many depth images have been averaged into the centre."""
-    block_bounds: Float32[ndarray, "n_blocks 6"] = field(
-        default_factory=lambda: np.zeros((0, 6), np.float32)
-    )
+    block_bounds: Float32[ndarray, "n_blocks 6"] = field(default_factory=lambda: np.zeros((0, 6), np.float32))
     """Lower and upper corner [m] of the centres of each block, widened by its largest radius."""
 
     def __len__(self) -> int:
@@ -86,7 +80,8 @@ class GaussianMap:
 
     @property
     def opacities(self) -> Float32[ndarray, " size"]:
-        opacities: Float32[ndarray, " size"] = 1.0 / (1.0 + np.exp(-self.parameters[: self.size, LOGIT_OPACITY]))
+        logits = self.parameters[: self.size, LOGIT_OPACITY]
+        opacities: Float32[ndarray, " size"] = 1.0 / (1.0 + np.exp(-logits))
         return opacities
 
     def append(self, parameters: Float32[ndarray, "n 8"], *, anchor_keyframe: int) -> None:
