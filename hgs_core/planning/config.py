@@ -16,7 +16,7 @@ from hgs_core.planning.views import ViewMemoryConfig
 class PlannerConfig(StrictConfig):
     """Settings of `HierarchicalPlanner` (HGS-Planner section III-D)."""
 
-    gain_threshold: float = Field(0.2, gt=0)
+    gain_threshold: float = Field(0.5, gt=0)
     """g_thres of Algorithm 1, on the total gain (1 = the gain configuration's scales): less is not worth a
     stop."""
     abandon_share: float = Field(0.5, gt=0, le=1)

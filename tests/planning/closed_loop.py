@@ -21,6 +21,9 @@ from tests.planning.closed_world import (
     new_voxels,
 )
 
+GAIN_THRESHOLD_M3 = 0.2
+"""The counting gain is in cubic metres."""
+
 
 @dataclass
 class ClosedMission:
@@ -34,7 +37,7 @@ class ClosedMission:
 
 def new_planner(world: ClosedWorld, config: PlannerConfig | None = None) -> HierarchicalPlanner:
     return HierarchicalPlanner(
-        config or PlannerConfig(),
+        config or PlannerConfig(gain_threshold=GAIN_THRESHOLD_M3),
         RobotConfig(),
         CountingGain(),
         camera_height_m=CAMERA_HEIGHT_M,

@@ -13,7 +13,7 @@ from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.plan import CandidateStatus, NothingLeft, Plan, Planner, UnseenReason
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
-from tests.planning.closed_loop import ClosedMission, new_planner, run_mission
+from tests.planning.closed_loop import GAIN_THRESHOLD_M3, ClosedMission, new_planner, run_mission
 from tests.planning.closed_world import ClosedWorld, CountingGain, PointRobot, new_voxels, three_rooms
 from tests.planning.floors import empty_map, room
 
@@ -65,7 +65,7 @@ def test_plans_explain_themselves(mission: ClosedMission) -> None:
         assert CandidateStatus.SELECTED in statuses
         for candidate in plan.candidates:
             if candidate.status is CandidateStatus.BELOW_THRESHOLD:
-                assert candidate.total_gain < PlannerConfig().gain_threshold
+                assert candidate.total_gain < GAIN_THRESHOLD_M3
         assert plan.reason
         assert plan.times.total_s > 0
         assert plan.horizon.size_m[:2].tolist() == pytest.approx([6.0, 6.0])
