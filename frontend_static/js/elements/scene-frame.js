@@ -18,7 +18,7 @@ class SceneFrame extends HTMLElement {
   #load() {
     const url = store.system?.viewer_url;
     if (!url || this.frame) return;
-    this.frame = element("iframe", { src: url, title: "3D scene", id: "scene" });
+    this.frame = element("iframe", { src: url, title: "3D scene", id: "scene-view" });
     this.prepend(this.frame);
   }
 

@@ -1,0 +1,207 @@
+import asyncio
+import time
+
+import msgspec
+import numpy as np
+import psutil
+import pytest
+import viser
+from viser import _messages
+from websockets.sync.client import connect
+
+from app.errors import Forbidden
+from app.missions.display import MAX_CANDIDATES, MAX_SUBSPACES, DisplayView
+from app.settings import DisplaySettings
+from app.viewer.framing import CameraMode
+from app.viewer.palette import as_linear
+from app.viewer.polyline import padded_segments
+from app.viewer.scene import MissionScene
+from app.viewer.splats import TILE
+from app.viewer.subspaces import lowest_of_each_column
+
+
+def display(n_splats: int = 100, n_candidates: int = 3, time_s: float = 1.0) -> DisplayView:
+    """A view of a flat room, of any size."""
+    rng = np.random.default_rng(n_splats)
+    image = np.zeros((4, 6, 3), np.uint8)
+    pose = np.eye(4)
+    pose[:3, 3] = (1.0, 2.0, 1.0)
+    return DisplayView(
+        time_s=time_s,
+        n_gaussians=n_splats,
+        splat_centres_m=rng.uniform([0, 0, 0], [8, 5, 3], (n_splats, 3)).astype(np.float32),
+        splat_rgb=rng.integers(0, 255, (n_splats, 3)).astype(np.uint8),
+        splat_radii_m=np.full(n_splats, 0.004, np.float32),
+        splat_opacities=np.full(n_splats, 200, np.uint8),
+        trajectory_m=rng.uniform(0, 5, (7, 3)).astype(np.float32),
+        subspace_bounds_m=np.array([[0, 0, 0, 4, 4, 3], [4, 0, 0, 8, 4, 3]], np.float32),
+        subspace_states=np.array([0, 1], np.uint8),
+        candidate_poses=rng.uniform(0, 3, (n_candidates, 4)).astype(np.float32),
+        candidate_gains=rng.uniform(0, 3, (n_candidates, 3)).astype(np.float32),
+        candidate_statuses=np.zeros(n_candidates, np.uint8),
+        global_tour_m=rng.uniform(0, 5, (4, 3)).astype(np.float32),
+        local_path_m=rng.uniform(0, 5, (3, 3)).astype(np.float32),
+        T_world_camera=pose,
+        camera=np.array([1200.0, 680.0, 600.0, 600.0]),
+        observed=image,
+        rendered=image,
+        depth=image,
+        quality=image,
+    )
+
+
+@pytest.fixture
+def scene():
+    scene = MissionScene(DisplaySettings(interval_s=0.05))
+    yield scene
+    scene.close()
+
+
+def node(scene: MissionScene, name: str):
+    found = scene.server.scene.get_handle_by_name(name)
+    assert found is not None, name
+    return found
+
+
+def nodes(scene: MissionScene) -> set[str]:
+    return set(scene.server.scene._handle_from_node_name)
+
+
+def test_it_listens_on_this_machine_only(scene):
+    port = scene.server.get_port()
+    listening = [
+        connection.laddr.ip
+        for connection in psutil.Process().net_connections(kind="tcp")
+        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == port
+    ]
+    assert listening == ["127.0.0.1"]
+
+
+def test_nobody_can_ask_for_a_public_tunnel(scene, monkeypatch, caplog):
+    server = scene.server
+    opened = []
+    monkeypatch.setattr(viser._viser, "ViserTunnel", lambda *a, **k: opened.append(a))
+    handlers = server._websock_server._incoming_handlers
+    assert _messages.ShareUrlRequest not in handlers
+    assert _messages.ShareUrlDisconnect not in handlers
+    with pytest.raises(Forbidden):
+        server.request_share_url()
+
+    # Not even when a handler comes back, as after an update of viser.
+    reached = []
+    server._websock_server.register_handler(_messages.ShareUrlRequest, lambda *a: reached.append(a))
+    asyncio.run(server._websock_server._handle_incoming_message(0, _messages.ShareUrlRequest()))
+    assert reached == []
+
+    # And as a client would send it.
+    url = scene.url.replace("http", "ws")
+    with connect(url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as client:
+        client.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
+        deadline = time.monotonic() + 20
+        while len(caplog.records) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
+    assert [record.message for record in caplog.records] == [
+        "viewer client 0 asked for a public tunnel; refused"
+    ] * 2
+    assert reached == []
+    assert opened == []
+    assert server._share_tunnel is None
+
+
+def test_splats_keep_their_buffers_whatever_the_map_does(scene):
+    scene._draw("m", display(100))
+    first = node(scene, "/gaussians/0")
+    assert first.buffer.shape == (TILE, 8)
+    names = nodes(scene)
+    for size in (1000, 50, TILE):
+        scene._draw("m", display(size))
+        assert node(scene, "/gaussians/0") is first
+        assert first.buffer.shape == (TILE, 8)
+    assert nodes(scene) == names
+    scene._draw("m", display(TILE + 1))
+    assert nodes(scene) == names | {"/gaussians/1"}
+    assert node(scene, "/gaussians/1").buffer.shape == (TILE, 8)
+
+
+def test_unused_and_clipped_splats_are_transparent_and_small_ones_enlarged(scene):
+    view = display(100)
+    scene._draw("m", view)
+    tile = node(scene, "/gaussians/0")
+    alphas = tile.opacities[:, 0]
+    below = view.splat_centres_m[:, 2] <= 2.2
+    assert 0 < below.sum() < 100
+    np.testing.assert_array_equal(alphas[:100] > 0, below)
+    assert np.all(alphas[100:] == 0)
+    np.testing.assert_allclose(tile.covariances[:100, 0, 0], 0.015**2, rtol=2e-3)
+    np.testing.assert_allclose(tile.centers[:100], view.splat_centres_m)
+
+
+def test_a_new_mission_clears_the_old_one(scene):
+    scene._draw("first", display(500, n_candidates=9))
+    scene._draw("second", display(10, n_candidates=0))
+    assert scene.mission_id == "second"
+    assert (node(scene, "/gaussians/0").opacities > 0).sum() <= 10
+    assert np.all(node(scene, "/candidates").batched_scales == 0)
+
+
+def test_one_batched_node_a_layer_of_fixed_size(scene):
+    for count in (0, 5, 40):
+        scene._draw("m", display(10, n_candidates=count))
+        marks = node(scene, "/candidates")
+        assert marks.batched_positions.shape == (MAX_CANDIDATES, 3)
+        assert (marks.batched_opacities > 0).sum() == count
+        assert node(scene, "/subspaces/outlines").points.shape == (4 * MAX_SUBSPACES, 2, 3)
+    assert len(nodes(scene)) < 25
+
+
+def test_views_that_come_too_fast_are_skipped_and_the_newest_is_shown(scene):
+    for number in range(200):
+        scene.show("m", number + 1, display(10, time_s=float(number)))
+    deadline = time.monotonic() + 20
+    while (scene._shown is None or scene._shown.time_s != 199.0) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert scene._shown.time_s == 199.0
+
+
+def test_switches_hide_and_show_layers(scene):
+    scene._draw("m", display(10))
+    assert node(scene, "/gaussians/0").visible
+    scene._layers[0].set_visible(False)
+    assert not node(scene, "/gaussians/0").visible
+    scene._layers[1].set_visible(True)
+    scene._layers[1].update(display(10))
+    assert node(scene, "/points/0").points.shape == (TILE, 3)
+
+
+def test_fresh_cameras_look_down_on_the_middle_of_the_map(scene):
+    view = display(5000)
+    scene._draw("m", view)
+    camera = scene.server.initial_camera
+    lower, upper = view.splat_centres_m.min(axis=0), view.splat_centres_m.max(axis=0)
+    np.testing.assert_allclose(camera.look_at[:2], ((lower + upper) / 2)[:2], atol=0.2)
+    assert camera.position[2] > 5.0
+    scene._framing.choose(CameraMode.FOLLOW_ROBOT)
+    scene._draw("m", view)
+
+
+def test_a_polyline_fills_up_with_pieces_of_no_length():
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0]], float)
+    segments = padded_segments(points, 5)
+    assert segments.shape == (5, 2, 3)
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    np.testing.assert_allclose(lengths, [1, 2, 0, 0, 0])
+    long = padded_segments(np.random.default_rng(0).normal(size=(1000, 3)), 5)
+    assert long.shape == (5, 2, 3)
+    np.testing.assert_array_equal(long[1:, 0], long[:-1, 1])
+    assert not padded_segments(np.zeros((0, 3)), 5).any()
+
+
+def test_a_column_of_subspaces_shows_its_most_urgent_state():
+    bounds = np.array([[0, 0, 1, 1, 1, 2], [0, 0, 0, 1, 1, 1], [2, 0, 0, 3, 1, 1]], np.float32)
+    chosen, states = lowest_of_each_column(bounds, np.array([0, 1, 2], np.uint8))
+    assert [(tuple(b[:2]), int(s)) for b, s in zip(chosen, states, strict=True)] == [((0, 0), 1), ((2, 0), 2)]
+    assert np.all(chosen[:, 2] == 0)
+
+
+def test_linear_light_keeps_black_and_white():
+    np.testing.assert_array_equal(as_linear(np.array([0, 255, 188], np.uint8)), [0, 255, 128])

@@ -1,0 +1,100 @@
+import shutil
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import pytest
+import uvicorn
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from app.main import create_app
+from app.missions.service import DEFAULT_RUNNER, MissionService
+from app.settings import DisplaySettings, Settings
+
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+PATIENCE_MS = 120_000
+"""WebGL runs in software here, beside a mission."""
+MAX_SPLATS = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveService:
+    url: str
+    missions: MissionService
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """The distribution's Chromium; tests are skipped where there is none."""
+    executable = shutil.which("chromium") or shutil.which("chromium-browser")
+    if executable is None:
+        pytest.skip("no chromium on this machine: install the distribution's package `chromium`")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(chromium):
+    """Open an address in a fresh window: `open_page(url, width=1280, height=720, dark=False)`."""
+    contexts = []
+
+    def open_at(url: str, *, width: int = 1280, height: int = 720, dark: bool = False) -> Page:
+        context = chromium.new_context(
+            viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light"
+        )
+        context.set_default_timeout(PATIENCE_MS)
+        contexts.append(context)
+        page = context.new_page()
+        page.goto(url)
+        page.wait_for_selector("#preset option", state="attached")
+        return page
+
+    yield open_at
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def live(tmp_path):
+    """Serve on a free port, as `hgs serve` does: `live(runner=...)`. Stopped after the test."""
+    running = []
+
+    def begin(runner: str = DEFAULT_RUNNER) -> LiveService:
+        listener = socket.create_server(("127.0.0.1", 0))
+        port = listener.getsockname()[1]
+        settings = Settings(
+            data_dir=tmp_path / "data",
+            port=port,
+            mission_threads=1,
+            display=DisplaySettings(max_splats=MAX_SPLATS),
+        )
+        app = create_app(settings, runner=runner)
+        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5))
+        thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
+        thread.start()
+        while not server.started:
+            assert thread.is_alive(), "the service did not start"
+            time.sleep(0.05)
+        running.append((server, thread))
+        return LiveService(url=f"http://127.0.0.1:{port}/", missions=app.state.service)
+
+    yield begin
+    for server, thread in running:
+        server.should_exit = True
+        thread.join(60)
+        assert not thread.is_alive(), "the service did not stop"
