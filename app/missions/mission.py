@@ -46,7 +46,9 @@ class Mission:
 
     @property
     def record(self) -> MissionRecord:
-        return self._record
+        """What is known and saved; a change of state shows here only once it has been told, too."""
+        with self._lock:
+            return self._record
 
     @property
     def id(self) -> str:
