@@ -75,8 +75,6 @@ class MissionSummary(ApiModel):
     """What can be commanded now."""
     silent_s: float | None
     """Seconds since the mission process was last heard; none without a process."""
-    last_sequence: int
-    """Number of the newest event."""
 
 
 class MissionDetail(MissionSummary):
@@ -85,6 +83,8 @@ class MissionDetail(MissionSummary):
     """The newest `plan` event, candidates included."""
     view_sequence: int
     """Number of the newest view; images and the 3D scene show it. 0 = none yet."""
+    last_sequence: int
+    """Number of the newest event."""
 
 
 class MissionList(ApiModel):

@@ -36,6 +36,8 @@ class MissionRecord(StrictConfig):
     """Why it is in this state, in words."""
     stop_reason: str | None = None
     """The mission's own word for why it ended (`complete`, `interrupted`, ...)."""
+    view_sequence: int = 0
+    """Number of the last view, whose images are kept; 0 = none."""
 
 
 class MissionStore:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from enum import StrEnum
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Response, status
-from numpy import ndarray
-from PIL import Image
 
 from app.deps import MissionDep
 from app.errors import NotFound
 from app.missions.display import IMAGE_KINDS
 
 router = APIRouter(prefix="/missions", tags=["images"])
-
-_JPEG_QUALITY = 88
 
 
 class ImageKind(StrEnum):
@@ -42,23 +37,11 @@ def get_image(
     mission: MissionDep, kind: ImageKind, if_none_match: Annotated[str | None, Header()] = None
 ) -> Response:
     """Camera image, the map drawn from the same pose, measured depth, or quality gain of every pixel."""
-    view = mission.view
-    if view is None:
+    picture = mission.picture(kind)
+    if picture is None:
         raise NotFound(f"mission {mission.id} has no images (yet)")
-    sequence, shown = view
-    tag = f'"{mission.id}-{kind}-{sequence}"'
-    headers = {"ETag": tag, "Cache-Control": "no-cache", "X-View-Sequence": str(sequence)}
+    tag = f'"{mission.id}-{kind}-{picture.sequence}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache", "X-View-Sequence": str(picture.sequence)}
     if if_none_match is not None and tag in if_none_match:
         return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=headers)
-    photographic = kind in (ImageKind.OBSERVED, ImageKind.RENDERED)
-    body = _encoded(getattr(shown, kind), photographic=photographic)
-    return Response(body, media_type="image/jpeg" if photographic else "image/png", headers=headers)
-
-
-def _encoded(image: ndarray, *, photographic: bool) -> bytes:
-    stream = io.BytesIO()
-    if photographic:
-        Image.fromarray(image).save(stream, "JPEG", quality=_JPEG_QUALITY)
-    else:
-        Image.fromarray(image).save(stream, "PNG", compress_level=1)
-    return stream.getvalue()
+    return Response(picture.content, media_type=picture.media_type, headers=headers)

@@ -15,12 +15,12 @@ def summary(mission: Mission) -> MissionSummary:
 
 def detail(mission: Mission) -> MissionDetail:
     newest = mission.log.newest("telemetry")
-    view = mission.view
     return MissionDetail(
         **_common(mission),
         figures=_figures(newest) if newest is not None else None,
         plan=mission.log.newest("plan"),
-        view_sequence=view[0] if view is not None else 0,
+        view_sequence=mission.view_sequence,
+        last_sequence=mission.log.last_sequence,
     )
 
 
@@ -42,7 +42,6 @@ def _common(mission: Mission) -> dict[str, Any]:
         "ended_at": record.ended_at,
         "commands": commands_allowed(record.state),
         "silent_s": mission.silent_s,
-        "last_sequence": mission.log.last_sequence,
     }
 
 

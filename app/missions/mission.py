@@ -13,6 +13,7 @@ from typing import Any
 from app.errors import Conflict
 from app.missions.display import DisplayView
 from app.missions.event_log import EventLog
+from app.missions.pictures import Picture, load_picture, picture_of, save_pictures
 from app.missions.states import COMMANDS, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
 from app.store import MissionRecord, MissionStore
@@ -40,9 +41,7 @@ class Mission:
         self._requested: str | None = None
         self._view: tuple[int, DisplayView] | None = None
         self._heard_at: float | None = None
-        folder = store.folder(record.id)
-        folder.mkdir(parents=True, exist_ok=True)
-        self.log = EventLog(folder / "events.jsonl")
+        self._log: EventLog | None = None
 
     @property
     def record(self) -> MissionRecord:
@@ -53,6 +52,16 @@ class Mission:
     @property
     def id(self) -> str:
         return self._record.id
+
+    @property
+    def log(self) -> EventLog:
+        """Its events; those of a mission from an earlier time are read when they are first asked for."""
+        with self._lock:
+            if self._log is None:
+                self._log = EventLog(self._store.folder(self.id) / "events.jsonl")
+                if self.state.ended:
+                    self._log.close()
+            return self._log
 
     @property
     def state(self) -> MissionState:
@@ -73,13 +82,25 @@ class Mission:
         return self._store.folder(self.id) / "run"
 
     @property
+    def _pictures_dir(self) -> Path:
+        return self._store.folder(self.id) / "last_view"
+
+    @property
     def log_file(self) -> Path:
         return self._store.folder(self.id) / "process.log"
 
     @property
-    def view(self) -> tuple[int, DisplayView] | None:
-        """The newest view and its sequence number."""
-        return self._view
+    def view_sequence(self) -> int:
+        """Number of the newest view; 0 = none yet."""
+        view = self._view
+        return view[0] if view is not None else self._record.view_sequence
+
+    def picture(self, kind: str) -> Picture | None:
+        """An image of the newest view; None when there is no view."""
+        view = self._view
+        if view is not None:
+            return picture_of(view[1], view[0], kind)
+        return load_picture(self._pictures_dir, self._record.view_sequence, kind)
 
     @property
     def silent_s(self) -> float | None:
@@ -134,7 +155,7 @@ class Mission:
         self._heard_at = time.monotonic()
         with self._lock:
             if event["kind"] == "telemetry":
-                event["view_sequence"] = self._view[0] if self._view is not None else 0
+                event["view_sequence"] = self.view_sequence
             numbered = self.log.append({"received_at": time.time(), **in_degrees(event)})
             if numbered["kind"] == "phase":
                 self._follow_phase(str(numbered["phase"]), str(numbered["reason"]))
@@ -201,8 +222,24 @@ class Mission:
         log.info("mission %s is %s: %s", self.id, state, reason)
 
     def _end(self, state: MissionState, reason: str) -> None:
-        self._change(state, reason, ended_at=time.time(), stop_reason=self._stop_reason)
+        sequence = self._keep_pictures()
+        self._change(
+            state, reason, ended_at=time.time(), stop_reason=self._stop_reason, view_sequence=sequence
+        )
         self.log.close()
+
+    def _keep_pictures(self) -> int:
+        """Write the last view's images down and let the view go: missions may be many."""
+        if self._view is None:
+            return 0
+        sequence, view = self._view
+        try:
+            save_pictures(view, sequence, self._pictures_dir)
+        except OSError as error:  # a full disk must not keep a mission from ending
+            log.warning("mission %s: its last images could not be kept: %s", self.id, error)
+            return 0
+        self._view = None
+        return sequence
 
 
 def in_degrees(value: Any) -> Any:

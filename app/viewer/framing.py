@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from enum import StrEnum
 from typing import Final
 
@@ -17,11 +16,9 @@ from app.missions.display import DisplayView
 _FOV_RAD: Final = math.radians(50.0)
 _SLANT: Final = np.array([-0.28, -0.62, 0.74])
 """From the map to the camera: high enough to see into the rooms, slanted enough to see their walls."""
-_MARGIN: Final = 1.05
+_MARGIN: Final = 1.15
 _RADIUS_AT_START_M: Final = 5.0
-_SETTLE_S: Final = 2.0
-"""How long a browser takes to report a pose it was given."""
-_TOUCHED_M: Final = 0.05
+_SAME_PLACE_M: Final = 0.05
 
 
 class CameraMode(StrEnum):
@@ -33,8 +30,8 @@ class CameraMode(StrEnum):
 class Framing:
     """Moves every connected camera after each view, except those that somebody has moved by hand.
 
-    A camera that is not where it was last put has been moved by its user, and is left alone until the mode
-    is chosen anew.
+    A camera that has arrived where it was put, and then is somewhere else, has been moved by its user. It is
+    left alone until the mode is chosen anew.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -43,7 +40,8 @@ class Framing:
         self._centre_m = np.zeros(3)
         self._radius_m = _RADIUS_AT_START_M
         self._robot_m: Float[ndarray, " 3"] | None = None
-        self._put: dict[int, tuple[Float[ndarray, " 3"], float]] = {}
+        self._put: dict[int, Float[ndarray, " 3"]] = {}
+        self._arrived: set[int] = set()
         self._released: set[int] = set()
         server.initial_camera.fov = _FOV_RAD
         self._set_initial_camera()
@@ -116,7 +114,8 @@ class Framing:
     ) -> None:
         client.camera.position = position_m
         client.camera.look_at = look_at_m
-        self._put[number] = (np.asarray(position_m, float), time.monotonic())
+        self._put[number] = np.asarray(position_m, float)
+        self._arrived.discard(number)
 
     def _release_moved_cameras(self) -> None:
         clients = self._server.get_clients()
@@ -124,7 +123,8 @@ class Framing:
             if number not in clients:
                 del self._put[number]
                 continue
-            position, when = self._put[number]
-            settled = time.monotonic() - when > _SETTLE_S
-            if settled and np.linalg.norm(clients[number].camera.position - position) > _TOUCHED_M:
+            off = np.linalg.norm(clients[number].camera.position - self._put[number])
+            if off < _SAME_PLACE_M:
+                self._arrived.add(number)
+            elif number in self._arrived:
                 self._released.add(number)

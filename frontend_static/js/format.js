@@ -32,11 +32,11 @@ export function bytes(value) {
   return `${value} B`;
 }
 
-/** Three significant digits, no exponent for the sizes that gains have. */
+/** Gains: two decimals where they matter, one where they do not. */
 export function gain(value) {
   if (!isNumber(value)) return NONE;
-  if (value !== 0 && Math.abs(value) < 0.001) return "<0.001";
-  return value.toPrecision(3);
+  if (value !== 0 && Math.abs(value) < 0.005) return "<0.01";
+  return value.toFixed(Math.abs(value) < 9.995 ? 2 : 1);
 }
 
 /** An element with attributes and children; strings become text. */

@@ -101,3 +101,18 @@ def test_the_schema_can_be_read(service):
     names = [op["operationId"] for op in operations]
     assert len(names) == len(set(names))
     assert "createMission" in names
+
+
+def test_the_last_images_of_a_mission_stay_when_the_service_starts_again(service):
+    client = service("run_short", display={"interval_s": 0.05})
+    mission = begin(client)
+    wait_for(client, mission, "completed")
+    path = f"/api/v1/missions/{mission}/images"
+    before = {kind: client.get(f"{path}/{kind}") for kind in ("observed", "rendered", "depth", "quality")}
+    again = service("run_short")
+    assert again.get(f"/api/v1/missions/{mission}").json()["view_sequence"] > 0
+    for kind, answer in before.items():
+        assert answer.status_code == 200
+        found = again.get(f"{path}/{kind}")
+        assert found.content == answer.content
+        assert found.headers["etag"] == answer.headers["etag"]
