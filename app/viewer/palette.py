@@ -19,11 +19,12 @@ VERMILLION: Final[RGB] = (213, 94, 0)
 PURPLE: Final[RGB] = (204, 121, 167)
 WHITE: Final[RGB] = (240, 240, 240)
 GREY: Final[RGB] = (140, 140, 146)
+DIM: Final[RGB] = (100, 102, 112)
 
 SUBSPACE: Final[dict[str, RGB]] = {
     "reconstructed": GREEN,
     "reconstructing": ORANGE,
-    "unreconstructed": GREY,
+    "unreconstructed": DIM,
 }
 TRAJECTORY: Final = WHITE
 GLOBAL_TOUR: Final = PURPLE
