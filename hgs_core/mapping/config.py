@@ -35,19 +35,19 @@ class InsertionConfig(StrictConfig):
     """Gaussians are added where less than this of the pixel is covered."""
     depth_margin_m: float = Field(0.06, gt=0)
     """... or where the map lies farther than the measurement by more than this."""
-    replace_factor: float = Field(1.8, gt=1)
+    replace_factor: float = Field(2.5, gt=1)
     """Splats so many times larger than this view would place are replaced by finer ones."""
 
 
 class MappingConfig(StrictConfig):
     """The Gaussian mapper: bounded work for every frame."""
 
-    iterations_per_frame: int = Field(8, ge=0)
+    iterations_per_frame: int = Field(5, ge=0)
     """Optimisation steps after each frame, one image each, at half resolution."""
     current_frame_share: float = Field(0.35, ge=0, le=1)
     """Share of the steps spent on the newest frame; the others go to overlapping keyframes."""
-    keyframe_translation_m: float = Field(0.4, gt=0)
-    keyframe_rotation_deg: float = Field(20.0, gt=0)
+    keyframe_translation_m: float = Field(0.5, gt=0)
+    keyframe_rotation_deg: float = Field(25.0, gt=0)
     """A frame becomes a keyframe when it moved or turned by this much since the last one."""
     max_gaussians: int = Field(1_500_000, ge=1000)
     """Near this budget the lattice of new Gaussians gets coarser; at it none are added."""

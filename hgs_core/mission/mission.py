@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from hgs_core.mission.events import (
     Telemetry,
     rgb_to_uint8,
 )
-from hgs_core.planning.plan import NothingLeft, Plan, Planner, PlanningTimes, UnseenRegion
+from hgs_core.planning.plan import NothingLeft, Plan, Planner, PlanningTimes, UnseenReason, UnseenRegion
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import Robot
 from hgs_core.sensing.frame import Frame
@@ -185,7 +185,7 @@ class Mission:
             self._end(StopReason.INTERRUPTED, "stopped by command", self._unseen())
         elif self._time_s >= self._limits.max_time_s:
             limit = f"time limit of {self._limits.max_time_s:.0f} s reached"
-            self._end(StopReason.TIME_LIMIT, limit, self._unseen())
+            self._end(StopReason.TIME_LIMIT, limit, self._unseen(UnseenReason.TIME_LIMIT))
         elif self._idle_plans >= self._limits.stuck_after_plans:
             stuck = f"{self._idle_plans} plans in a row without moving"
             self._end(StopReason.STUCK, stuck, self._unseen())
@@ -197,8 +197,13 @@ class Mission:
         self.record.message = message
         self.record.unseen = unseen
 
-    def _unseen(self) -> tuple[UnseenRegion, ...]:
-        return self._planner.unseen(self._mapper.snapshot(), self._robot.state)
+    def _unseen(self, cut_short: UnseenReason = UnseenReason.INTERRUPTED) -> tuple[UnseenRegion, ...]:
+        """What is unseen; regions still to be visited get `cut_short` as their reason."""
+        regions = self._planner.unseen(self._mapper.snapshot(), self._robot.state)
+        return tuple(
+            replace(region, reason=cut_short) if region.reason is UnseenReason.INTERRUPTED else region
+            for region in regions
+        )
 
     def _note_progress(self) -> None:
         state = self._robot.state

@@ -34,7 +34,7 @@ class FreeFloor:
     """A raster of the floor; cell `(i, j)` is centred at `origin_m + (i, j) * cell_m`.
 
     `clearance_m` is the distance from the cell's centre to the nearest obstacle of the body (exact) or
-    missing floor (to one cell); 0 where there is no floor. Floor is a surface between 15 cm below and 3 cm
+    missing floor (to one cell); 0 where there is no floor. Floor is a surface between 15 cm below and 5 cm
     above z = 0.
     """
 

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from hgs_core.scene.textured_mesh import TexturedMesh
 
-STEP_HEIGHT_M = 0.03
+STEP_HEIGHT_M = 0.05
 """Wheels roll over what is lower than this (rugs, thresholds)."""
 
 

@@ -39,7 +39,7 @@ def test_clearance_agrees_with_dense_sampling(seed):
     corners[1, 1, :2] = corners[1, 0, :2]  # upright with a vertical edge
     points = rng.uniform(-0.5, 1.5, size=(8, 2))
     exact = BodyObstacles(mesh_of(corners), 1.1).clearance_m(points)
-    sampled = naive_clearance(corners.astype(np.float32).astype(float), points, 0.03, 1.1)
+    sampled = naive_clearance(corners.astype(np.float32).astype(float), points, STEP_HEIGHT_M, 1.1)
     if np.isinf(sampled).all():
         return  # too thin a slice for the sampling to hit
     assert np.all(exact <= sampled + 1e-4)
