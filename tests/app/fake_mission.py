@@ -219,7 +219,7 @@ def _robot(share: float, frame: int) -> RobotState:
 def _plan(robot: RobotState, share: float, rng: np.random.Generator) -> Plan:
     candidates = []
     for k in range(12):
-        total = float(rng.uniform(0.1, 1.0) * (1.2 - share))
+        total = float(rng.uniform(10.0, 100.0) * (1.2 - share))
         status = CandidateStatus.SELECTED if k < 4 else list(CandidateStatus)[k % 4]
         candidates.append(
             Candidate(

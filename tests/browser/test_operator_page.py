@@ -49,6 +49,11 @@ OVERLAPS = """() => {
 }"""
 
 
+CUT_OFF = """() => [...document.querySelectorAll(".panel, [role=tabpanel], figcaption, .title, dd, dt")]
+  .filter((node) => node.clientWidth > 0 && node.scrollWidth > node.clientWidth + 1)
+  .map((node) => `${node.tagName} ${node.className}: ${node.textContent.slice(0, 60)}`)"""
+
+
 def launch(page: Page) -> None:
     page.select_option("#preset", "quick")
     page.click("#launch")
@@ -184,6 +189,7 @@ def test_nothing_overlaps_and_nothing_is_cut_off(live, open_page, tmp_path, dark
         page.wait_for_timeout(500)
         page.screenshot(path=tmp_path / f"page-{width}.png", timeout=PATIENCE_MS)
         assert page.evaluate(OVERLAPS) == []
+        assert page.evaluate(CUT_OFF) == []
         assert page.evaluate("document.documentElement.scrollWidth") == width
         assert page.evaluate("document.documentElement.scrollHeight") == height
         box = page.locator("#stop").bounding_box()
