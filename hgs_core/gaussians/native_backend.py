@@ -8,7 +8,7 @@ from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
 from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.gaussians.render import RenderedView
+from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 

@@ -1,80 +1,16 @@
-"""Rendering a Gaussian map: `render()` and the backends behind it."""
+"""Rendering a Gaussian map: `render()` and the choice of a backend."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final, Protocol, runtime_checkable
-
-import numpy as np
-from jaxtyping import Float32
-from numpy import ndarray
+from typing import Final
 
 from hgs_core.errors import ConfigError
 from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.native_backend import NativeBackend
+from hgs_core.gaussians.rendered_view import RenderBackend, RenderedView
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
-
-MIN_SILHOUETTE: Final = 1e-3
-"""Where no more than this was drawn, `RenderedView.colour` and `.depth_m` are 0."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RenderedView:
-    """Front-to-back sums over the Gaussians of each pixel (HGS-Planner Eq. 2), not divided by anything.
-
-    The sums are what gradients refer to. `colour` and `depth_m` are what a viewer or a metric wants: the sums
-    divided by how much was drawn, so that a half-covered pixel is neither dark nor near.
-    """
-
-    colour_sum: Float32[ndarray, "height width 3"]
-    """C = sum rgb_i alpha_i T_i."""
-    depth_sum: Float32[ndarray, "height width"]
-    """D = sum z_i alpha_i T_i [m]."""
-    silhouette: Float32[ndarray, "height width"]
-    """A = sum alpha_i T_i, 0..1."""
-
-    @property
-    def colour(self) -> Float32[ndarray, "height width 3"]:
-        """C / A, 0 where A <= `MIN_SILHOUETTE`. Not clipped: colours are free parameters."""
-        return self.colour_sum * self._inverse_silhouette()[..., None]
-
-    @property
-    def depth_m(self) -> Float32[ndarray, "height width"]:
-        """D / A [m], 0 (no measurement) where A <= `MIN_SILHOUETTE`."""
-        return self.depth_sum * self._inverse_silhouette()
-
-    def _inverse_silhouette(self) -> Float32[ndarray, "height width"]:
-        drawn = self.silhouette > MIN_SILHOUETTE
-        inverse: Float32[ndarray, "height width"] = np.zeros_like(self.silhouette)
-        np.divide(np.float32(1.0), self.silhouette, out=inverse, where=drawn)
-        return inverse
-
-
-@runtime_checkable
-class RenderBackend(Protocol):
-    """One implementation of the splatting model.
-
-    A Gaussian appears with variance `(f r / z)^2 + 0.3` px^2 (f: geometric mean of fx and fy), alpha at most
-    0.99 and dropped below 1/255, if its centre is farther than 0.1 m; blending goes by the depth of the
-    centres and ends at a transmittance of 1e-4.
-    """
-
-    def forward(
-        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
-    ) -> RenderedView: ...
-
-    def backward(
-        self,
-        gaussians: GaussianMap,
-        intrinsics: CameraIntrinsics,
-        T_world_camera: SE3,
-        d_colour: Float32[ndarray, "height width 3"],
-        d_depth: Float32[ndarray, "height width"],
-        d_silhouette: Float32[ndarray, "height width"],
-    ) -> Float32[ndarray, "size 8"]:
-        """Gradient of a loss by `GaussianMap.parameters`, from its gradients by the three sums."""
-        ...
 
 
 def render(
@@ -94,16 +30,10 @@ def render_backend(name: str) -> RenderBackend:
     return _BACKENDS[name]()
 
 
-def _native() -> RenderBackend:
-    from hgs_core.gaussians.native_backend import NativeBackend
-
-    return NativeBackend()
-
-
 def _torch() -> RenderBackend:
     from hgs_core.gaussians.torch_backend import TorchBackend  # torch takes seconds to import
 
     return TorchBackend()
 
 
-_BACKENDS: Final[dict[str, Callable[[], RenderBackend]]] = {"native": _native, "torch": _torch}
+_BACKENDS: Final[dict[str, Callable[[], RenderBackend]]] = {"native": NativeBackend, "torch": _torch}

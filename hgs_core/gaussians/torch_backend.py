@@ -13,7 +13,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, LOGIT_OPACITY, RGB, GaussianMap
-from hgs_core.gaussians.render import RenderedView
+from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import N_PARAMETERS
-from hgs_core.gaussians.render import RenderedView
+from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
 

@@ -14,7 +14,8 @@ from numpy import ndarray
 from hgs_core.gaussians.gaussian_map import BLOCK, LOGIT_OPACITY, GaussianMap
 from hgs_core.gaussians.information import accumulate_information
 from hgs_core.gaussians.optimise import optimise_step
-from hgs_core.gaussians.render import RenderedView, render
+from hgs_core.gaussians.render import render
+from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.config import MappingConfig

@@ -8,7 +8,7 @@ from hgs_core.evaluation import held_out as held_out_module
 from hgs_core.evaluation.held_out import held_out_poses, image_metrics
 from hgs_core.evaluation.training_views import seen_in_training
 from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.gaussians.render import RenderedView
+from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.geometry.se3 import SE3
 from hgs_core.scene.ray_caster import RayCaster

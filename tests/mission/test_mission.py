@@ -69,9 +69,7 @@ def test_a_mission_leaves_a_complete_folder_and_repeats_exactly(tmp_path: Path) 
     first, second = (read_trajectory(tmp_path / name / "trajectory.txt") for name in ("a", "b"))
     np.testing.assert_array_equal(first.poses.as_matrix(), second.poses.as_matrix())
     maps = [read_ply(tmp_path / name / "map.ply") for name in ("a", "b")]
-    np.testing.assert_array_equal(
-        maps[0].parameters[: maps[0].size], maps[1].parameters[: maps[1].size]
-    )
+    np.testing.assert_array_equal(maps[0].parameters[: maps[0].size], maps[1].parameters[: maps[1].size])
     assert maps[0].size == report.n_gaussians
 
     telemetry = [event for event in heard.events if isinstance(event, Telemetry)]
