@@ -28,6 +28,7 @@ from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import first_exit, join_views
 from hgs_core.planning.global_planner import GlobalPlanner, GlobalTour
 from hgs_core.planning.local_planner import LocalPlanner, LocalViews
+from hgs_core.planning.low_obstacles import TouchMemory
 from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_grid
 from hgs_core.planning.path_search import reach_from
 from hgs_core.planning.plan import (
@@ -81,7 +82,8 @@ class HierarchicalPlanner:
             camera_range_m=camera_range_m,
         )
         self._local = LocalPlanner(config.local_level, robot, gain_threshold=config.gain_threshold)
-        self._pursuit = Pursuit(config, robot)
+        self._touches = TouchMemory()
+        self._pursuit = Pursuit(config, robot, self._touches)
 
     def plan(self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator) -> Plan | NothingLeft:
         """One planning cycle."""
@@ -135,7 +137,7 @@ class HierarchicalPlanner:
     ) -> str | None:
         """`blocked ...` when the remaining path lost its clearance on the newest map; `target already seen
         ...` when little of the next view's gain is left (looked at every `recheck_interval_s`)."""
-        blocked = self._pursuit.why_blocked(snapshot.voxels, robot, plan.path, waypoints_passed)
+        blocked = self._pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
         if blocked is not None or not self._pursuit.recheck_due(robot.timestamp_s):
             return blocked
         ahead = np.flatnonzero(np.isfinite(plan.path.yaws_rad[waypoints_passed:])) + waypoints_passed
@@ -164,12 +166,14 @@ class HierarchicalPlanner:
             "global": self._global.state(),
             "memory": self._memory.state(),
             "pursuit": self._pursuit.state(),
+            "touches": self._touches.state(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         self._global.restore(state["global"])
         self._memory.restore(state["memory"])
         self._pursuit.restore(state["pursuit"])
+        self._touches.restore(state["touches"])
 
     def _remember_views_taken(self, cycle: PlanningCycle) -> None:
         """Also how much of each view's gain is still promised now that it was taken."""
@@ -187,7 +191,15 @@ class HierarchicalPlanner:
         if not voxels.states.size:
             raise PlanningError("the voxel map is empty: integrate a frame before planning")
         here = np.array([robot.x_m, robot.y_m])
-        grid = build_navigation_grid(voxels, self.config.navigation, self._robot, robot_xy_m=here)
+        self._touches.notice(robot, self._robot.radius_m)
+        grid = build_navigation_grid(
+            voxels,
+            self.config.navigation,
+            self._robot,
+            robot_xy_m=here,
+            gaussians=snapshot.gaussians,
+            touched_m=self._touches.points_m,
+        )
         reach = reach_from(grid, here)
         places = np.flatnonzero(reach.reachable.ravel() & self._in_region(grid))
         horizon = horizon_around(here, self.config.local_level.horizon_m, voxels)

@@ -2,7 +2,9 @@
 
 **Traversable.** The *body column* of a cell is its voxels with centres in `(clearance_below_m, height]`. A
 cell is traversable when no voxel of its column is occupied and at least one has been seen free, by the planar
-scanner (0.15 m) or the camera. Everything else is *blocked*: occupied, unseen, outside the map.
+scanner (0.15 m) or the camera. Everything else is *blocked*: occupied, unseen, outside the map. So is what
+the Gaussian map shows between the robot's step height and the column (sills, feet: see `low_obstacles`), and
+what the robot has touched.
 
 **Clearance.** The robot is a disc. Its centre keeps at least its radius from the *box* of every blocked cell:
 exact point-to-box distances, both at cell centres and along straight segments. Cells nearer than
@@ -33,7 +35,9 @@ from pydantic import Field
 from scipy.ndimage import uniform_filter
 
 from hgs_core.config.base import StrictConfig
+from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
+from hgs_core.planning.low_obstacles import MIN_GAUSSIANS, low_surface_points
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
@@ -125,11 +129,14 @@ def build_navigation_grid(
     *,
     robot_xy_m: Float[ndarray, " 2"] | None,
     around_m: Float[ndarray, "n 2"] | None = None,
+    gaussians: GaussianMap | None = None,
+    touched_m: Float[ndarray, "n_touched 2"] | None = None,
 ) -> NavigationGrid:
     """The grid of the whole map, or, with `around_m`, of the part that can bear on a path through those
     points.
 
-    `robot_xy_m` is where the robot stands (its footprint counts as seen); `None` for no robot.
+    `robot_xy_m` is where the robot stands (its footprint counts as seen); `None` for no robot. With
+    `gaussians`, what they show above the step height blocks too; so does every cell of `touched_m`.
     """
     size = voxels.config.size_m
     lower = np.asarray(voxels.lower_m(), dtype=np.float64)
@@ -154,6 +161,14 @@ def build_navigation_grid(
     free = np.any(states == VoxelState.FREE, axis=2)
     if robot_xy_m is not None:
         free |= _footprint(free.shape, (robot_xy_m - lower_xy) / size, robot.radius_m / size)
+    if gaussians is not None:
+        upper_xy = lower_xy + np.array(occupied.shape) * size
+        low_m = low_surface_points(
+            gaussians, robot, below_m=config.clearance_below_m, lower_m=lower_xy, upper_m=upper_xy
+        )
+        occupied |= _cells_with(low_m, MIN_GAUSSIANS, lower_xy, size, occupied.shape)
+    if touched_m is not None:
+        occupied |= _cells_with(touched_m, 1, lower_xy, size, occupied.shape)
     blocked = np.ascontiguousarray(occupied | ~free)
     clearance = (kernels.grid_box_clearance(blocked.view(np.uint8), cap / size) * np.float32(size)).astype(
         np.float32
@@ -180,6 +195,22 @@ def build_navigation_grid(
         margin_m=config.margin_m,
         clearance_cap_m=cap,
     )
+
+
+def _cells_with(
+    points_m: Float[ndarray, "n 2"],
+    at_least: int,
+    lower_m: Float[ndarray, " 2"],
+    size_m: float,
+    shape: tuple[int, ...],
+) -> Bool[ndarray, "nx ny"]:
+    """Cells that hold so many of the points or more."""
+    ij = np.floor((points_m - lower_m) / size_m).astype(np.int64)
+    inside = np.all((ij >= 0) & (ij < np.array(shape)), axis=1)
+    flat = np.ravel_multi_index(tuple(ij[inside].T), shape)
+    counts = np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape)
+    full: Bool[ndarray, "nx ny"] = counts >= at_least
+    return full
 
 
 def _footprint(shape: tuple[int, ...], centre: Float[ndarray, " 2"], radius: float) -> Bool[ndarray, "nx ny"]:

@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.config import PlannerConfig
+from hgs_core.planning.low_obstacles import TouchMemory
 from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_grid
 from hgs_core.planning.views import turn_rad
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig, RobotState
-from hgs_core.voxels.voxel_map import VoxelMap
 
 TAKEN_WITHIN_M = 0.1
 TAKEN_WITHIN_RAD = np.radians(10.0)
@@ -24,7 +25,8 @@ CLEARANCE_TOLERANCE_M = 0.005
 class Pursuit:
     """Remembers the last plan's path between cycles."""
 
-    def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
+    def __init__(self, config: PlannerConfig, robot: RobotConfig, touches: TouchMemory) -> None:
+        self._touches = touches
         self._config = config
         self._robot = robot
         self._views: Float[ndarray, "n_views 4"] = np.zeros((0, 4))
@@ -70,7 +72,7 @@ class Pursuit:
         return True
 
     def why_blocked(
-        self, voxels: VoxelMap, robot: RobotState, path: Path, waypoints_passed: int
+        self, snapshot: MapSnapshot, robot: RobotState, path: Path, waypoints_passed: int
     ) -> str | None:
         """Check the path as far as its next view on the newest map, rebuilding only the part around it.
 
@@ -86,7 +88,13 @@ class Pursuit:
         end = waypoints_passed + int(views[0]) + 1 if len(views) else len(path.positions_m)
         ahead = np.concatenate([here[None], path.positions_m[waypoints_passed:end]])
         grid = build_navigation_grid(
-            voxels, self._config.navigation, self._robot, robot_xy_m=here, around_m=ahead
+            snapshot.voxels,
+            self._config.navigation,
+            self._robot,
+            robot_xy_m=here,
+            around_m=ahead,
+            gaussians=snapshot.gaussians,
+            touched_m=self._touches.points_m,
         )
         clearance = grid.path_clearance_m(ahead)
         required = np.full(len(clearance), self._robot.radius_m)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.robot.path import Path
+
+STEP_HEIGHT_M: Final = 0.05
+"""Default of `RobotConfig.step_height_m`, and what counts as floor when a scene is judged."""
 
 
 class RobotConfig(StrictConfig):
@@ -18,6 +21,8 @@ class RobotConfig(StrictConfig):
     """Radius of the footprint [m]."""
     height_m: float = Field(1.1, gt=0)
     """Height of the body above the floor [m]."""
+    step_height_m: float = Field(STEP_HEIGHT_M, ge=0)
+    """Wheels climb what is lower than this [m]: rugs, thresholds, cables."""
     max_speed_mps: float = Field(1.0, gt=0)
     """Driving speed [m/s]."""
     max_turn_rate_degps: float = Field(60.0, gt=0)

@@ -11,7 +11,8 @@ from scipy import ndimage
 
 from hgs_core.errors import SceneError
 from hgs_core.geometry.boxes import Box
-from hgs_core.scene.obstacles import STEP_HEIGHT_M, BodyObstacles
+from hgs_core.robot.robot import STEP_HEIGHT_M
+from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.ray_caster import RayCaster
 
 _FLOOR_BELOW_M = 0.15

@@ -7,10 +7,8 @@ import open3d as o3d
 from jaxtyping import Float, Float32
 from numpy import ndarray
 
+from hgs_core.robot.robot import STEP_HEIGHT_M
 from hgs_core.scene.textured_mesh import TexturedMesh
-
-STEP_HEIGHT_M = 0.05
-"""Wheels roll over what is lower than this (rugs, thresholds)."""
 
 
 class BodyObstacles:

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hgs_core.scene.obstacles import STEP_HEIGHT_M, BodyObstacles
+from hgs_core.robot.robot import STEP_HEIGHT_M
+from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.textured_mesh import Material, TexturedMesh
 from tests.scene.worlds import with_boxes
 

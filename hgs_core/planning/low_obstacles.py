@@ -1,0 +1,77 @@
+"""Obstacles that neither the scanner nor the body's voxel column shows: sills, feet and bars.
+
+The scanner's plane is at 0.15 m, and the voxel layer below it holds the floor. What stands between the height
+that the wheels climb and that layer's top is known from the Gaussian map alone, whose centres lie within
+millimetres of the surface. And what was touched is known from the touch.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float, Float32
+from numpy import ndarray
+
+from hgs_core.gaussians.gaussian_map import BLOCK, CENTRE, LOGIT_OPACITY, GaussianMap
+from hgs_core.robot.robot import RobotConfig, RobotState
+
+MIN_GAUSSIANS: Final = 3
+"""So many opaque Gaussians in a cell are a surface, fewer may be an error."""
+
+TOUCH_DEPTH_M: Final = 0.03
+"""How far inside what was touched the mark is put."""
+
+_TOUCH_HALF_ANGLE_RAD: Final = np.radians(30.0)
+
+
+def low_surface_points(
+    gaussians: GaussianMap,
+    robot: RobotConfig,
+    *,
+    below_m: float,
+    lower_m: Float[ndarray, " 2"],
+    upper_m: Float[ndarray, " 2"],
+) -> Float32[ndarray, "n 2"]:
+    """Floor positions of opaque Gaussians between the robot's step height and `below_m`, inside a rectangle.
+
+    Blocks of the map that do not reach into the layer or the rectangle are not looked at.
+    """
+    bounds = gaussians.block_bounds
+    near = (bounds[:, 2] < below_m) & (bounds[:, 5] > robot.step_height_m)
+    near &= np.all((bounds[:, :2] < upper_m) & (bounds[:, 3:5] > lower_m), axis=1)
+    if not near.any():
+        return np.zeros((0, 2), np.float32)
+    rows = (np.flatnonzero(near)[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+    parameters = gaussians.parameters[rows[rows < gaussians.size]]
+    centres = parameters[:, CENTRE]
+    kept = (centres[:, 2] > robot.step_height_m) & (centres[:, 2] < below_m)
+    kept &= parameters[:, LOGIT_OPACITY] > 0.0
+    kept &= np.all((centres[:, :2] >= lower_m) & (centres[:, :2] < upper_m), axis=1)
+    return centres[kept, :2]
+
+
+class TouchMemory:
+    """Where the robot has touched something: a contact proves what no sensor saw."""
+
+    def __init__(self) -> None:
+        self.points_m: Float[ndarray, "n 2"] = np.zeros((0, 2))
+        self._contacts = 0
+
+    def notice(self, robot: RobotState, radius_m: float) -> None:
+        """Mark an arc ahead of the robot for every new contact that its state counts."""
+        if robot.collisions > self._contacts:
+            bearings = robot.yaw_rad + np.linspace(-_TOUCH_HALF_ANGLE_RAD, _TOUCH_HALF_ANGLE_RAD, 7)
+            reach = radius_m + TOUCH_DEPTH_M
+            arc = np.stack(
+                [robot.x_m + reach * np.cos(bearings), robot.y_m + reach * np.sin(bearings)], axis=1
+            )
+            self.points_m = np.concatenate([self.points_m, arc])
+        self._contacts = robot.collisions
+
+    def state(self) -> dict[str, Any]:
+        return {"points_m": self.points_m.copy(), "contacts": self._contacts}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.points_m = np.array(state["points_m"]).reshape(-1, 2)
+        self._contacts = int(state["contacts"])
