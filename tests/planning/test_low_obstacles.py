@@ -1,0 +1,91 @@
+"""What stands below the scanner's plane: seen in the Gaussian map, or felt."""
+
+import numpy as np
+
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.geometry.boxes import Box
+from hgs_core.planning.low_obstacles import TouchMemory, low_surface_points
+from hgs_core.planning.navigation_grid import NavigationConfig, build_navigation_grid
+from hgs_core.robot.robot import RobotConfig, RobotState
+from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
+
+ROBOT = RobotConfig()
+WIDE = (np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
+
+
+def gaussians_at(centres: list[list[float]], *, logit_opacity: float = 3.0) -> GaussianMap:
+    parameters = np.zeros((len(centres), 8), np.float32)
+    parameters[:, :3] = centres
+    parameters[:, 6] = np.log(0.01)
+    parameters[:, 7] = logit_opacity
+    gaussians = GaussianMap()
+    gaussians.append(parameters, anchor_keyframe=0)
+    return gaussians
+
+
+def free_floor() -> VoxelMap:
+    region = Box(lower_m=np.array([0.0, 0.0, -0.2]), upper_m=np.array([3.0, 3.0, 1.6]))
+    voxels = VoxelMap(VoxelConfig(), region=region)
+    voxels.states[:] = VoxelState.FREE
+    return voxels
+
+
+def state(*, collisions: int, yaw_rad: float = 0.0) -> RobotState:
+    return RobotState(
+        x_m=1.5, y_m=1.5, yaw_rad=yaw_rad, timestamp_s=0.0, path_length_m=0.0, collisions=collisions
+    )
+
+
+def points_of(gaussians: GaussianMap) -> np.ndarray:
+    return low_surface_points(gaussians, ROBOT, below_m=0.1, lower_m=WIDE[0], upper_m=WIDE[1])
+
+
+def test_only_the_layer_between_step_and_column_counts() -> None:
+    heights = [-0.01, 0.0, 0.03, 0.06, 0.09, 0.12, 1.0]
+    found = points_of(gaussians_at([[h, 0.0, h] for h in heights]))
+    np.testing.assert_allclose(np.sort(found[:, 0]), [0.06, 0.09], rtol=1e-6)
+
+
+def test_faint_gaussians_and_empty_maps_show_nothing() -> None:
+    assert len(points_of(gaussians_at([[0.0, 0.0, 0.08]], logit_opacity=-1.0))) == 0
+    assert len(points_of(GaussianMap())) == 0
+
+
+def test_a_sill_blocks_the_floor_on_which_the_voxels_see_nothing() -> None:
+    voxels = free_floor()
+    sill = gaussians_at([[2.05, y, 0.08] for y in np.arange(0.0, 3.0, 0.02)])
+    here = np.array([1.0, 1.5])
+    without = build_navigation_grid(voxels, NavigationConfig(), ROBOT, robot_xy_m=here)
+    grid = build_navigation_grid(voxels, NavigationConfig(), ROBOT, robot_xy_m=here, gaussians=sill)
+    assert not without.blocked.any()
+    assert np.array_equal(np.unique(np.argwhere(grid.blocked)[:, 0]), [20])
+    assert grid.blocked[20].all()
+    # Cell (17, 15) is centred at x = 1.75 m, 0.25 m before the sill's cell; the next one is too near.
+    assert grid.passable[17, 15]
+    assert not grid.passable[18, 15]
+
+
+def test_two_gaussians_are_not_a_surface() -> None:
+    stray = gaussians_at([[2.05, 1.55, 0.08], [2.06, 1.56, 0.08]])
+    grid = build_navigation_grid(
+        free_floor(), NavigationConfig(), ROBOT, robot_xy_m=np.array([1.0, 1.5]), gaussians=stray
+    )
+    assert not grid.blocked.any()
+
+
+def test_a_touch_blocks_what_lies_ahead_once() -> None:
+    touches = TouchMemory()
+    touches.notice(state(collisions=0), ROBOT.radius_m)
+    assert len(touches.points_m) == 0
+    touches.notice(state(collisions=1, yaw_rad=np.pi / 2), ROBOT.radius_m)
+    touches.notice(state(collisions=1, yaw_rad=0.0), ROBOT.radius_m)
+    away = touches.points_m - np.array([1.5, 1.5])
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), 0.28)
+    assert (away[:, 1] > 0.2).all()
+    grid = build_navigation_grid(
+        free_floor(), NavigationConfig(), ROBOT, robot_xy_m=np.array([1.5, 1.5]), touched_m=touches.points_m
+    )
+    assert grid.blocked[15, 17]
+    restored = TouchMemory()
+    restored.restore(touches.state())
+    np.testing.assert_array_equal(restored.points_m, touches.points_m)
