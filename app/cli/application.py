@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.evaluate import evaluate
 from app.cli.exit_codes import ExitCode
+from app.cli.picture import picture
 from app.cli.presets import presets
 from app.cli.run import run
 from app.cli.scenes import scenes
@@ -44,6 +45,7 @@ application = typer.Typer(
 )
 application.command()(run)
 application.command()(evaluate)
+application.command()(picture)
 application.command()(scenes)
 application.command()(presets)
 application.command()(serve)

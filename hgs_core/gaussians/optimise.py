@@ -32,7 +32,7 @@ class LossWeights(StrictConfig):
 class LearningRates(StrictConfig):
     """Adam (Kingma and Ba 2015): step sizes by parameter, and its constants."""
 
-    centre: float = Field(2e-5, ge=0)
+    centre: float = Field(1e-4, ge=0)
     """Of the centre [m a step]."""
     rgb: float = Field(2.5e-3, ge=0)
     """Of the colour [1 a step]."""

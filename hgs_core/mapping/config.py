@@ -26,8 +26,14 @@ class InsertionConfig(StrictConfig):
 
     lattice_px: int = Field(4, ge=2, multiple_of=2)
     """Spacing of new Gaussians in pixels of the full image."""
-    min_spacing_m: float = Field(0.012, gt=0)
+    min_spacing_m: float = Field(0.016, gt=0)
     """Near surfaces get a coarser lattice rather than Gaussians closer together than this."""
+    detail_lattice_px: int = Field(2, ge=2, multiple_of=2)
+    """Spacing where the image has detail."""
+    detail_spacing_m: float = Field(0.008, gt=0)
+    """As `min_spacing_m`, where the image has detail."""
+    detail_threshold: float = Field(0.1, gt=0)
+    """Brightness (0..1) that must change within 8 x 8 pixels of the full image to count as detail."""
     radius_factor: float = Field(0.6, gt=0)
     """Radius of a new Gaussian in units of its spacing."""
     opacity: float = Field(0.95, gt=0, lt=1)
@@ -49,7 +55,7 @@ class MappingConfig(StrictConfig):
     keyframe_translation_m: float = Field(0.5, gt=0)
     keyframe_rotation_deg: float = Field(25.0, gt=0)
     """A frame becomes a keyframe when it moved or turned by this much since the last one."""
-    max_gaussians: int = Field(1_500_000, ge=1000)
+    max_gaussians: int = Field(2_500_000, ge=1000)
     """Near this budget the lattice of new Gaussians gets coarser; at it none are added."""
     prune_interval: int = Field(10, ge=1)
     """Frames between prunings."""

@@ -12,6 +12,8 @@ from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
 
 _SORT_CELL_M = 0.25
+_MAX_DOUBLINGS = 4
+_DETAIL_CELL = 4
 
 
 def missing_pixels(
@@ -29,23 +31,22 @@ def new_gaussians(
 ) -> Float32[ndarray, "n 8"]:
     """One Gaussian per lattice point that is wanted, sorted by place.
 
-    The lattice has `config.lattice_px` (full-image) pixels between points, doubled where that would put
-    Gaussians closer together than `min_spacing_m`, and times `coarsening` (a power of two).
+    The lattice has `config.lattice_px` (full-image) pixels between points, `config.detail_lattice_px` where
+    the image has detail, times `coarsening` (a power of two); doubled where that would put Gaussians closer
+    together than `min_spacing_m` (`detail_spacing_m`).
     """
     camera = image.intrinsics
-    height, width = image.depth_m.shape
-    finest = config.lattice_px // 2 * coarsening
-    rows, columns = np.meshgrid(
-        np.arange(finest // 2, height, finest), np.arange(finest // 2, width, finest), indexing="ij"
-    )
-    chosen = wanted[rows, columns]
-    rows, columns = rows[chosen], columns[chosen]
+    detailed = _detailed(image, config.detail_threshold)
+    fine = config.detail_lattice_px // 2 * coarsening
+    usual = config.lattice_px // 2 * coarsening
+    rows, columns = np.nonzero(wanted)
     z = image.depth_m[rows, columns].astype(np.float64)
-    stride = np.full(len(z), finest)
-    for _ in range(3):
-        too_close = z * stride / camera.fx < config.min_spacing_m
-        stride = np.where(too_close, stride * 2, stride)
-    on_lattice = (rows % stride == finest // 2) & (columns % stride == finest // 2)
+    has_detail = detailed[rows, columns]
+    stride = np.where(has_detail, fine, usual)
+    least = np.where(has_detail, config.detail_spacing_m, config.min_spacing_m)
+    for _ in range(_MAX_DOUBLINGS):
+        stride = np.where(z * stride / camera.fx < least, stride * 2, stride)
+    on_lattice = (rows % stride == stride // 2) & (columns % stride == stride // 2)
     rows, columns, z, stride = rows[on_lattice], columns[on_lattice], z[on_lattice], stride[on_lattice]
 
     parameters = np.empty((len(z), N_PARAMETERS), np.float32)
@@ -56,6 +57,21 @@ def new_gaussians(
     parameters[:, 6] = np.log(config.radius_factor * stride * z / camera.fx)
     parameters[:, 7] = np.log(config.opacity / (1.0 - config.opacity))
     return parameters[_place_order(parameters[:, 0:3])]
+
+
+def _detailed(image: TrainingImage, threshold: float) -> Bool[ndarray, "height width"]:
+    """Pixels in cells of 4 x 4 whose brightness spans more than `threshold` (0..1)."""
+    height, width = image.depth_m.shape
+    brightness = image.rgb.astype(np.int16).sum(axis=2)
+    rows, columns = -(-height // _DETAIL_CELL), -(-width // _DETAIL_CELL)
+    padded = np.pad(
+        brightness, ((0, rows * _DETAIL_CELL - height), (0, columns * _DETAIL_CELL - width)), mode="edge"
+    )
+    cells = padded.reshape(rows, _DETAIL_CELL, columns, _DETAIL_CELL)
+    span = cells.max(axis=(1, 3)) - cells.min(axis=(1, 3))
+    wide = np.repeat(np.repeat(span > threshold * 3 * 255, _DETAIL_CELL, axis=0), _DETAIL_CELL, axis=1)
+    detailed: Bool[ndarray, "height width"] = wide[:height, :width]
+    return detailed
 
 
 def _mean_colour(
