@@ -61,7 +61,7 @@ class NativeBackend:
 
 
 def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[float]:
-    """What the kernels take as a camera: fx, fy, cx, cy, then the rows of T_camera_world (3 x 4)."""
+    """What the kernels take as a camera: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2."""
     world_to_camera = T_world_camera.inverse().as_matrix()[:3]
     return [
         intrinsics.fx,
@@ -69,4 +69,5 @@ def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[fl
         intrinsics.cx,
         intrinsics.cy,
         *(float(number) for number in world_to_camera.ravel()),
+        intrinsics.low_pass_px2,
     ]

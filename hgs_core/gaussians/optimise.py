@@ -21,12 +21,12 @@ from hgs_core.geometry.se3 import SE3
 class LossWeights(StrictConfig):
     """Weights of the terms of the loss, each a mean over the pixels with a depth."""
 
-    colour: float = Field(0.4, ge=0)
+    colour: float = Field(4.0, ge=0)
     """Of |C/A - rgb|, mean of the three channels [1 per unit of colour]."""
     depth: float = Field(1.0, ge=0)
     """Of |D/A - depth| [1/m]."""
-    silhouette: float = Field(0.2, ge=0)
-    """Of 1 - A: a pixel with a depth shows a surface, so nothing may shine through."""
+    silhouette: float = Field(0.3, ge=0)
+    """Of (1 - A)^2: a pixel with a depth shows a surface, so nothing may shine through."""
 
 
 class LearningRates(StrictConfig):
@@ -36,9 +36,9 @@ class LearningRates(StrictConfig):
     """Of the centre [m a step]."""
     rgb: float = Field(2.5e-3, ge=0)
     """Of the colour [1 a step]."""
-    log_radius: float = Field(3e-3, ge=0)
+    log_radius: float = Field(0.02, ge=0)
     """Of the logarithm of the radius [1 a step]."""
-    logit_opacity: float = Field(0.05, ge=0)
+    logit_opacity: float = Field(0.2, ge=0)
     """Of the logit of the opacity [1 a step]."""
     beta1: float = Field(0.9, ge=0, lt=1)
     """Decay of the first moment per step."""
@@ -78,9 +78,10 @@ def optimise_step(
     """Render, compare, differentiate and move: one Adam step of every Gaussian that got a gradient, in place.
 
     Per pixel with `0 < depth < inf`, averaged over these pixels, and the first two only where A > 0.05:
-    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)`. Steps are counted per Gaussian. Radii
-    are kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves them. Raises `MapError`
-    when the images do not fit the camera.
+    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)^2`. Gaussians more than 0.3 m farther than
+    the farthest depth are left out: other rooms lie in the frustum, but not in the picture. Steps are counted
+    per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves
+    them. Raises `MapError` when the images do not fit the camera.
     """
     shape = (intrinsics.height, intrinsics.width)
     if rgb.shape[:2] != shape or depth_m.shape != shape:

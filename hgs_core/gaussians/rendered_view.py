@@ -53,9 +53,9 @@ class RenderedView:
 class RenderBackend(Protocol):
     """One implementation of the splatting model.
 
-    A Gaussian appears with variance `(f r / z)^2 + 0.3` px^2 (f: geometric mean of fx and fy), alpha at most
-    0.99 and dropped below 1/255, if its centre is farther than 0.1 m; blending goes by the depth of the
-    centres and ends at a transmittance of 1e-4.
+    A Gaussian appears with variance `(f r / z)^2 + low_pass_px2` px^2 (f: geometric mean of fx and fy; the
+    camera says `low_pass_px2`), alpha at most 0.99 and dropped below 1/255, if its centre is farther than
+    0.1 m; blending goes by the depth of the centres and ends at a transmittance of 1e-4.
     """
 
     def forward(

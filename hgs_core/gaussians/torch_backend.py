@@ -18,7 +18,6 @@ from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
 NEAR_M = 0.1
-LOW_PASS_PX2 = 0.3
 MIN_ALPHA = 1.0 / 255.0
 MAX_ALPHA = 0.99
 MIN_TRANSMITTANCE = 1e-4
@@ -72,7 +71,7 @@ def splat(
     u = intrinsics.fx * x / z + intrinsics.cx
     v = intrinsics.fy * y / z + intrinsics.cy
     focal_squared = intrinsics.fx * intrinsics.fy
-    variance = focal_squared * torch.exp(2.0 * chosen[:, LOG_RADIUS]) / z**2 + LOW_PASS_PX2
+    variance = focal_squared * torch.exp(2.0 * chosen[:, LOG_RADIUS]) / z**2 + intrinsics.low_pass_px2
     opacity = torch.sigmoid(chosen[:, LOGIT_OPACITY])
 
     columns = torch.arange(intrinsics.width, dtype=dtype) + 0.5

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,10 +26,14 @@ class CameraIntrinsics:
     fy: float
     cx: float
     cy: float
+    low_pass_px2: float = 0.3
+    """Variance [px^2] by which a drawn splat is wider than its Gaussian, since a pixel is not a point."""
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1 or not (self.fx > 0 and self.fy > 0):
             raise ConfigError(f"camera needs a positive size and focal length, got {self}")
+        if not self.low_pass_px2 > 0:
+            raise ConfigError(f"camera needs a positive low_pass_px2, got {self.low_pass_px2}")
 
     @staticmethod
     def centred(width: int, height: int, focal_px: float) -> CameraIntrinsics:
@@ -47,7 +51,8 @@ class CameraIntrinsics:
 
     def scaled(self, factor: float) -> CameraIntrinsics:
         """The same camera with `factor` times as many pixels a side."""
-        return CameraIntrinsics(
+        return replace(
+            self,
             width=round(self.width * factor),
             height=round(self.height * factor),
             fx=self.fx * factor,

@@ -9,7 +9,7 @@ from hgs_core.gaussians.optimise import LearningRates, LossWeights
 class DepthFusionConfig(StrictConfig):
     """How noisy depth becomes thin surfaces."""
 
-    smoothing_radius_px: int = Field(2, ge=0)
+    smoothing_radius_px: int = Field(1, ge=0)
     """Half-width of the edge-aware window, in pixels of the halved image."""
     smoothing_gate_m: float = Field(0.025, gt=0)
     """How far a pair of opposite pixels may disagree with the centre and still be averaged in."""
@@ -24,31 +24,29 @@ class DepthFusionConfig(StrictConfig):
 class InsertionConfig(StrictConfig):
     """Where Gaussians are added, and how they start."""
 
-    lattice_px: int = Field(4, ge=2, multiple_of=2)
-    """Spacing of new Gaussians in pixels of the full image."""
-    min_spacing_m: float = Field(0.016, gt=0)
-    """Near surfaces get a coarser lattice rather than Gaussians closer together than this."""
-    detail_lattice_px: int = Field(2, ge=2, multiple_of=2)
-    """Spacing where the image has detail."""
-    detail_spacing_m: float = Field(0.008, gt=0)
-    """As `min_spacing_m`, where the image has detail."""
-    detail_threshold: float = Field(0.1, gt=0)
-    """Brightness (0..1) that must change within 8 x 8 pixels of the full image to count as detail."""
-    radius_factor: float = Field(0.6, gt=0)
+    finest_px: float = Field(2.0, gt=0)
+    """Gaussians are as far apart as so many pixels of the full image ..."""
+    finest_m: float = Field(0.008, gt=0)
+    """... but not nearer to each other than this ..."""
+    detail_contrast: float = Field(0.25, gt=0)
+    """... where the brightness (0..1) changes by this much within 8 x 8 pixels of the full image."""
+    widest_factor: float = Field(4.0, ge=1)
+    """Spacing grows where there is less contrast, up to so many times."""
+    radius_factor: float = Field(0.5, gt=0)
     """Radius of a new Gaussian in units of its spacing."""
-    opacity: float = Field(0.95, gt=0, lt=1)
-    silhouette_threshold: float = Field(0.5, gt=0, lt=1)
+    opacity: float = Field(0.7, gt=0, lt=1)
+    silhouette_threshold: float = Field(0.6, gt=0, lt=1)
     """Gaussians are added where less than this of the pixel is covered."""
-    depth_margin_m: float = Field(0.06, gt=0)
+    depth_margin_m: float = Field(0.04, gt=0)
     """... or where the map lies farther than the measurement by more than this."""
     replace_factor: float = Field(2.5, gt=1)
-    """Splats so many times larger than this view would place are replaced by finer ones."""
+    """Gaussians so many times larger than this view would place are replaced by finer ones."""
 
 
 class MappingConfig(StrictConfig):
     """The Gaussian mapper: bounded work for every frame."""
 
-    iterations_per_frame: int = Field(5, ge=0)
+    iterations_per_frame: int = Field(8, ge=0)
     """Optimisation steps after each frame, one image each, at half resolution."""
     current_frame_share: float = Field(0.35, ge=0, le=1)
     """Share of the steps spent on the newest frame; the others go to overlapping keyframes."""
@@ -59,7 +57,7 @@ class MappingConfig(StrictConfig):
     """Near this budget the lattice of new Gaussians gets coarser; at it none are added."""
     prune_interval: int = Field(10, ge=1)
     """Frames between prunings."""
-    prune_opacity: float = Field(0.05, gt=0, lt=1)
+    prune_opacity: float = Field(0.02, gt=0, lt=1)
     """Gaussians fainter than this are dropped."""
     fusion: DepthFusionConfig = DepthFusionConfig()
     insertion: InsertionConfig = InsertionConfig()

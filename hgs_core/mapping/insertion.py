@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
@@ -10,10 +12,10 @@ from hgs_core.gaussians.gaussian_map import N_PARAMETERS
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
+from hgs_core.mapping.surface import surface_steps
 
-_SORT_CELL_M = 0.25
-_MAX_DOUBLINGS = 4
-_DETAIL_CELL = 4
+_SORT_CELL_M: Final = 0.25
+_CONTRAST_CELL: Final = 4
 
 
 def missing_pixels(
@@ -26,64 +28,70 @@ def missing_pixels(
     return measured & (open_ | in_front)
 
 
-def new_gaussians(
-    image: TrainingImage, wanted: Bool[ndarray, "height width"], config: InsertionConfig, *, coarsening: int
-) -> Float32[ndarray, "n 8"]:
-    """One Gaussian per lattice point that is wanted, sorted by place.
+def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[ndarray, "height width"]:
+    """How far apart [m] on the surface Gaussians should be in each pixel; 0 where nothing was measured.
 
-    The lattice has `config.lattice_px` (full-image) pixels between points, `config.detail_lattice_px` where
-    the image has detail, times `coarsening` (a power of two); doubled where that would put Gaussians closer
-    together than `min_spacing_m` (`detail_spacing_m`).
+    What `finest_px` (full-image) pixels span at that distance, at least `finest_m`; more where the image has
+    less contrast than `detail_contrast`: with its inverse square root, at most `widest_factor` times more.
     """
-    camera = image.intrinsics
-    detailed = _detailed(image, config.detail_threshold)
-    fine = config.detail_lattice_px // 2 * coarsening
-    usual = config.lattice_px // 2 * coarsening
-    rows, columns = np.nonzero(wanted)
-    z = image.depth_m[rows, columns].astype(np.float64)
-    has_detail = detailed[rows, columns]
-    stride = np.where(has_detail, fine, usual)
-    least = np.where(has_detail, config.detail_spacing_m, config.min_spacing_m)
-    for _ in range(_MAX_DOUBLINGS):
-        stride = np.where(z * stride / camera.fx < least, stride * 2, stride)
-    on_lattice = (rows % stride == stride // 2) & (columns % stride == stride // 2)
-    rows, columns, z, stride = rows[on_lattice], columns[on_lattice], z[on_lattice], stride[on_lattice]
+    measured = (image.depth_m > 0) & np.isfinite(image.depth_m)
+    depth = np.where(measured, image.depth_m, np.float32(0.0))
+    pixel_m = depth / np.float32(2.0 * image.intrinsics.fx)  # of the full image
+    finest = np.maximum(np.float32(config.finest_px) * pixel_m, np.float32(config.finest_m))
+    contrast = np.maximum(_contrast(image), np.float32(1e-3))
+    factor = np.clip(np.sqrt(np.float32(config.detail_contrast) / contrast), 1.0, config.widest_factor)
+    spacing: Float32[ndarray, "height width"] = np.where(measured, finest * factor, 0.0).astype(np.float32)
+    return spacing
 
-    parameters = np.empty((len(z), N_PARAMETERS), np.float32)
+
+def new_gaussians(
+    image: TrainingImage,
+    wanted: Bool[ndarray, "height width"],
+    spacing_m: Float32[ndarray, "height width"],
+    config: InsertionConfig,
+) -> Float32[ndarray, "n 8"]:
+    """Gaussians about `spacing_m` apart on the surface seen in the wanted pixels, sorted by place.
+
+    They lie on a lattice of pixels whose pitch, in columns and in rows, is the power of two that comes
+    nearest to that spacing on the (slanted) surface: powers of two, so that lattices of different pitch
+    share their points.
+    """
+    rows, columns = np.nonzero(wanted)
+    across, down = surface_steps(image.depth_m, image.intrinsics, rows, columns)
+    u_pitch = _pitch(spacing_m[rows, columns] / across)
+    v_pitch = _pitch(spacing_m[rows, columns] / down)
+    chosen = (rows % v_pitch == 0) & (columns % u_pitch == 0)
+    rows, columns = rows[chosen], columns[chosen]
+    radius = config.radius_factor * np.sqrt(across * u_pitch * down * v_pitch)[chosen]
+
+    camera = image.intrinsics
+    z = image.depth_m[rows, columns].astype(np.float64)
     x = (columns + 0.5 - camera.cx) / camera.fx * z
     y = (rows + 0.5 - camera.cy) / camera.fy * z
+    parameters = np.empty((len(z), N_PARAMETERS), np.float32)
     parameters[:, 0:3] = image.T_world_camera.apply(np.stack([x, y, z], axis=1))
-    parameters[:, 3:6] = _mean_colour(image, rows, columns)
-    parameters[:, 6] = np.log(config.radius_factor * stride * z / camera.fx)
+    parameters[:, 3:6] = image.rgb[rows, columns] / np.float32(255.0)
+    parameters[:, 6] = np.log(radius)
     parameters[:, 7] = np.log(config.opacity / (1.0 - config.opacity))
     return parameters[_place_order(parameters[:, 0:3])]
 
 
-def _detailed(image: TrainingImage, threshold: float) -> Bool[ndarray, "height width"]:
-    """Pixels in cells of 4 x 4 whose brightness spans more than `threshold` (0..1)."""
+def _contrast(image: TrainingImage) -> Float32[ndarray, "height width"]:
+    """How much the brightness (0..1) changes within each pixel's cell of 4 x 4."""
     height, width = image.depth_m.shape
-    brightness = image.rgb.astype(np.int16).sum(axis=2)
-    rows, columns = -(-height // _DETAIL_CELL), -(-width // _DETAIL_CELL)
-    padded = np.pad(
-        brightness, ((0, rows * _DETAIL_CELL - height), (0, columns * _DETAIL_CELL - width)), mode="edge"
-    )
-    cells = padded.reshape(rows, _DETAIL_CELL, columns, _DETAIL_CELL)
-    span = cells.max(axis=(1, 3)) - cells.min(axis=(1, 3))
-    wide = np.repeat(np.repeat(span > threshold * 3 * 255, _DETAIL_CELL, axis=0), _DETAIL_CELL, axis=1)
-    detailed: Bool[ndarray, "height width"] = wide[:height, :width]
-    return detailed
+    brightness = image.rgb.sum(axis=2, dtype=np.int16)
+    rows, columns = -(-height // _CONTRAST_CELL), -(-width // _CONTRAST_CELL)
+    padding = ((0, rows * _CONTRAST_CELL - height), (0, columns * _CONTRAST_CELL - width))
+    cells = np.pad(brightness, padding, mode="edge").reshape(rows, _CONTRAST_CELL, columns, _CONTRAST_CELL)
+    span = (cells.max(axis=(1, 3)) - cells.min(axis=(1, 3))) / np.float32(3 * 255)
+    wide = np.repeat(np.repeat(span, _CONTRAST_CELL, axis=0), _CONTRAST_CELL, axis=1)
+    contrast: Float32[ndarray, "height width"] = wide[:height, :width]
+    return contrast
 
 
-def _mean_colour(
-    image: TrainingImage, rows: Int[ndarray, " n"], columns: Int[ndarray, " n"]
-) -> Float[ndarray, "n 3"]:
-    """Colour of the 2 x 2 pixels at each point, 0..1."""
-    below = np.minimum(rows + 1, image.rgb.shape[0] - 1)
-    right = np.minimum(columns + 1, image.rgb.shape[1] - 1)
-    total = image.rgb[rows, columns].astype(np.float64)
-    for r, c in ((below, columns), (rows, right), (below, right)):
-        total += image.rgb[r, c]
-    return total / (4 * 255.0)
+def _pitch(pixels: Float[ndarray, " n"]) -> Int[ndarray, " n"]:
+    """The power of two (1, 2, 4 ...) nearest to so many pixels."""
+    return np.exp2(np.round(np.log2(np.maximum(pixels, 1.0)))).astype(np.int64)
 
 
 def _place_order(points_m: Float32[ndarray, "n 3"]) -> Int[ndarray, " n"]:

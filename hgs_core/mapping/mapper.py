@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int32
+from jaxtyping import Bool, Float, Float32, Int32
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import BLOCK, LOGIT_OPACITY, GaussianMap
@@ -20,7 +20,7 @@ from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.depth_filter import training_image
-from hgs_core.mapping.insertion import missing_pixels, new_gaussians
+from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
@@ -81,11 +81,12 @@ class Mapper:
         """Learn one frame. `interrupted` is polled between optimisation steps and ends them early."""
         self.voxels.integrate_frame(frame, range_m=self._camera_range_m)
         image = training_image(frame, self.config.fusion)
-        retired = self._fuse_depth(image)
+        spacing_m = wanted_spacing(image, self.config.insertion)
+        retired = self._fuse_depth(image, spacing_m)
         rendered = render(self.gaussians, image.intrinsics, image.T_world_camera)
         psnr = _predicted_psnr(image, rendered)
         is_keyframe = self._is_keyframe(frame.T_world_camera)
-        inserted = self._insert(image, rendered, anchor=len(self.keyframes) - (not is_keyframe))
+        inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
         iterations = self._optimise(image, interrupted)
         if is_keyframe:
             accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera)
@@ -139,7 +140,7 @@ class Mapper:
         self._n_frames = state["n_frames"]
         self._timestamp_s = state["timestamp_s"]
 
-    def _fuse_depth(self, image: TrainingImage) -> int:
+    def _fuse_depth(self, image: TrainingImage, spacing_m: Float32[ndarray, "height width"]) -> int:
         """Average this depth into the centres in view; retire those that this view would place much finer."""
         fusion, insertion = self.config.fusion, self.config.insertion
         size, camera = self.gaussians.size, image.intrinsics
@@ -151,6 +152,7 @@ class Mapper:
             self.gaussians.block_bounds,
             BLOCK,
             image.depth_m,
+            np.float32(insertion.replace_factor * insertion.radius_factor) * spacing_m,
             camera.fx,
             camera.fy,
             camera.cx,
@@ -160,21 +162,24 @@ class Mapper:
             gate_m=fusion.gate_m,
             gate_slope=fusion.gate_slope,
             max_count=fusion.max_observations,
-            radius_factor=insertion.radius_factor,
-            finest_px=insertion.lattice_px / 2,
-            min_spacing_m=insertion.min_spacing_m,
-            replace_factor=insertion.replace_factor,
         )
         self.gaussians.parameters[coarse, LOGIT_OPACITY] = _RETIRED_LOGIT
         self.gaussians.version += 1
         return len(coarse)
 
-    def _insert(self, image: TrainingImage, rendered: RenderedView, *, anchor: int) -> int:
+    def _insert(
+        self,
+        image: TrainingImage,
+        rendered: RenderedView,
+        spacing_m: Float32[ndarray, "height width"],
+        *,
+        anchor: int,
+    ) -> int:
         coarsening = self._coarsening()
         if coarsening is None:
             return 0
         wanted = missing_pixels(image, rendered, self.config.insertion)
-        parameters = new_gaussians(image, wanted, self.config.insertion, coarsening=coarsening)
+        parameters = new_gaussians(image, wanted, np.float32(coarsening) * spacing_m, self.config.insertion)
         room = self.config.max_gaussians - self.gaussians.size
         self.gaussians.append(parameters[:room], anchor_keyframe=anchor)
         return min(len(parameters), room)

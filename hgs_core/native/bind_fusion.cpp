@@ -1,3 +1,4 @@
+#include <stdexcept>
 #include <vector>
 
 #include "bind.hpp"
@@ -44,28 +45,28 @@ void bind_fuse_centres(nb::module_& m) {
       [](ndarray<float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu> parameters,
          ndarray<std::uint16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> counts,
          ndarray<const float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu> bounds, int block, Depth depth,
-         float fx, float fy, float cx, float cy,
+         Depth largest_radius, float fx, float fy, float cx, float cy,
          ndarray<const float, nb::shape<3, 3>, nb::c_contig, nb::device::cpu> rotation,
          ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu> translation, float gate_m,
-         float gate_slope, int max_count, float radius_factor, float finest_px, float min_spacing_m,
-         float replace_factor) {
+         float gate_slope, int max_count) {
+        if (largest_radius.shape(0) != depth.shape(0) || largest_radius.shape(1) != depth.shape(1)) {
+          throw std::invalid_argument("depth and largest_radius differ in height or width");
+        }
         auto rows = new std::vector<std::int32_t>();
         nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<std::int32_t>*>(p); });
-        hgs::FusionView view{depth.data(), int(depth.shape(1)), int(depth.shape(0)), fx, fy, cx, cy, {}, {}};
+        hgs::FusionView view{depth.data(), largest_radius.data(), int(depth.shape(1)), int(depth.shape(0)), fx, fy, cx, cy, {}, {}};
         for (int k = 0; k < 9; ++k) view.rotation[k] = rotation.data()[k];
         for (int k = 0; k < 3; ++k) view.translation[k] = translation.data()[k];
         {
           nb::gil_scoped_release released;
           hgs::fuse_centres(parameters.data(), counts.data(), long(parameters.shape(0)), bounds.data(), block,
-                            view, gate_m, gate_slope, max_count,
-                            {radius_factor, finest_px, min_spacing_m, replace_factor}, *rows);
+                            view, gate_m, gate_slope, max_count, *rows);
         }
         return ndarray<nb::numpy, std::int32_t, nb::ndim<1>>(rows->data(), {rows->size()}, owner);
       },
       nb::arg("parameters").noconvert(), nb::arg("counts").noconvert(), nb::arg("bounds"), nb::arg("block"),
-      nb::arg("depth"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("rotation"),
-      nb::arg("translation"), nb::kw_only(), nb::arg("gate_m"), nb::arg("gate_slope"), nb::arg("max_count"),
-      nb::arg("radius_factor"), nb::arg("finest_px"), nb::arg("min_spacing_m"), nb::arg("replace_factor"));
+      nb::arg("depth"), nb::arg("largest_radius"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("rotation"),
+      nb::arg("translation"), nb::kw_only(), nb::arg("gate_m"), nb::arg("gate_slope"), nb::arg("max_count"));
 }
 
 }  // namespace

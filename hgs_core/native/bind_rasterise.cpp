@@ -28,8 +28,8 @@ using Image3 = nb::ndarray<float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device
 using ConstImage3 = nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using ConstRgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 
-// fx, fy, cx, cy, then T_camera_world as a row-major 3 x 4 matrix.
-using CameraNumbers = std::array<float, 16>;
+// fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2.
+using CameraNumbers = std::array<float, 17>;
 
 void require(bool held, const char* what) {
   if (!held) throw std::invalid_argument(what);
@@ -37,7 +37,7 @@ void require(bool held, const char* what) {
 
 hgs::PinholeCamera camera_of(const CameraNumbers& numbers, std::size_t width, std::size_t height) {
   hgs::PinholeCamera camera{numbers[0], numbers[1], numbers[2], numbers[3],
-                            static_cast<int>(width), static_cast<int>(height), {}, {}};
+                            static_cast<int>(width), static_cast<int>(height), {}, {}, numbers[16]};
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) camera.rotation[3 * i + j] = numbers[4 + 4 * i + j];
     camera.translation[i] = numbers[4 + 4 * i + 3];

@@ -49,21 +49,14 @@ bool block_in_view(const float* bounds, const FusionView& view) {
   return behind < 8 && left < 8 && right < 8 && above < 8 && below < 8;
 }
 
-float placed_radius(const Placement& placement, float metres_per_pixel) {
-  float spacing = placement.finest_px * metres_per_pixel;
-  for (int doubling = 0; doubling < 3 && spacing < placement.min_spacing_m; ++doubling) spacing *= 2.0f;
-  return placement.factor * spacing;
-}
-
 }  // namespace
 
 void fuse_centres(float* parameters, std::uint16_t* counts, long n, const float* bounds, int block,
                   const FusionView& view, float gate_m, float gate_slope, int max_count,
-                  const Placement& placement, std::vector<std::int32_t>& coarse_rows) {
+                  std::vector<std::int32_t>& coarse_rows) {
   const long n_blocks = (n + block - 1) / block;
   const float* r = view.rotation;
   const float* t = view.translation;
-  const float focal = std::sqrt(view.fx * view.fy);
   std::vector<std::vector<std::int32_t>> coarse(static_cast<std::size_t>(omp_get_max_threads()));
 #pragma omp parallel for schedule(static)
   for (long b = 0; b < n_blocks; ++b) {
@@ -83,9 +76,8 @@ void fuse_centres(float* parameters, std::uint16_t* counts, long n, const float*
       const float factor = 1.0f + (seen / z - 1.0f) / float(count + 1);
       for (int axis = 0; axis < 3; ++axis) centre[axis] = t[axis] + d[axis] * factor;
       counts[i] = std::uint16_t(std::min<int>(counts[i] + 1, 65535));
-      if (std::exp(centre[6]) > placement.replace_factor * placed_radius(placement, z / focal)) {
-        mine.push_back(std::int32_t(i));
-      }
+      const float largest = view.largest_radius[long(v) * view.width + long(u)];
+      if (std::exp(centre[6]) > largest) mine.push_back(std::int32_t(i));
     }
   }
   // A static schedule gives each thread one ascending run of blocks: joining the runs keeps the order.

@@ -3,7 +3,7 @@
 //
 //   p = R c + t                      centre in the camera frame [m], z = p_z
 //   u = fx p_x / z + cx              screen position [px]; v likewise
-//   sigma^2 = (f r / z)^2 + 0.3      screen variance [px^2], f = sqrt(fx fy)
+//   sigma^2 = (f r / z)^2 + low_pass screen variance [px^2], f = sqrt(fx fy)
 //   a = o exp(-d^2 / (2 sigma^2))    d: distance from (u, v) to a pixel's centre, at integer + 0.5
 //   alpha = min(0.99, a), nothing below 1/255
 //   w_i = alpha_i T_i,  T_i = prod_{j < i} (1 - alpha_j), front to back by z, until T < 1e-4
@@ -17,10 +17,10 @@ namespace hgs {
 inline constexpr int BLOCK = 256;       // rows that share one entry of `block_bounds`
 inline constexpr int N_PARAMETERS = 8;  // centre xyz, rgb, log radius, logit opacity
 inline constexpr float NEAR_M = 0.1f;
-inline constexpr float LOW_PASS_PX2 = 0.3f;
 inline constexpr float MIN_ALPHA = 1.0f / 255.0f;
 inline constexpr float MAX_ALPHA = 0.99f;
 inline constexpr float MIN_TRANSMITTANCE = 1e-4f;
+inline constexpr float BEHIND_M = 0.3f;  // optimising ends so far behind the farthest depth of the target
 inline constexpr float MIN_COVERED = 0.05f;  // below this A, C/A and D/A say nothing and are not compared
 
 struct PinholeCamera {
@@ -28,6 +28,8 @@ struct PinholeCamera {
   int width, height;
   float rotation[9];     // p_camera = rotation p_world + translation
   float translation[3];
+  float low_pass_px2;    // what a pixel's width adds to a splat's variance
+  float far_m = __builtin_inff();  // Gaussians at this depth and beyond are not drawn
 };
 
 struct GaussianRows {

@@ -13,7 +13,7 @@ void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Wor
   constexpr float REACH = 3.34f;
   const std::size_t n_blocks = (gaussians.n + BLOCK - 1) / BLOCK;
   std::uint32_t* visible = workspace.visible_blocks.require(n_blocks);
-  const float margin_px = REACH * std::sqrt(LOW_PASS_PX2) + 0.01f;
+  const float margin_px = REACH * std::sqrt(camera.low_pass_px2) + 0.01f;
   const float f = std::sqrt(camera.fx * camera.fy);
 
   // Half-spaces n . p + offset z-wise: p is inside when n . p >= 0; all but the near plane pass through the camera.
@@ -50,7 +50,7 @@ void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Wor
       depth += forward[j] * centre[j];
       depth_extent += std::fabs(forward[j]) * half[j];
     }
-    bool inside = depth + depth_extent > NEAR_M - 1e-4f;
+    bool inside = depth + depth_extent > NEAR_M - 1e-4f && depth - depth_extent < camera.far_m + 1e-4f;
     // A splat's reach f r / z in pixels is r along x or y in the camera, times f in units of n . p.
     const float reach = REACH * shortest * f;
     for (int k = 0; inside && k < 4; ++k) {

@@ -2,7 +2,7 @@
 // Included only by the variant files (see simd.hpp).
 //
 // loss = 1/N sum over valid pixels of  w_c |C/A - rgb|_1 / 3 + w_d |D/A - depth|   where A > 0.05
-//                                    + w_s (1 - A)
+//                                    + w_s (1 - A)^2
 // with N the number of valid pixels (0 < depth < inf). N is known before anything is drawn, so loss and backward
 // sweep follow each tile's forward sweep while the tile is in cache.
 #pragma once
@@ -25,10 +25,19 @@ HGS_INLINE Window window_of(const PinholeCamera& camera, int tx, int ty) {
 
 HGS_INLINE bool is_valid_depth(float depth) { return depth > 0.0f && depth < __builtin_inff(); }
 
-static std::int64_t count_valid(const Target& target, const PinholeCamera& camera) {
+struct ValidDepths {
+  std::int64_t pixels = 0;
+  float farthest = 0.0f;
+};
+
+static ValidDepths valid_depths(const Target& target, const PinholeCamera& camera) {
   const std::size_t n = std::size_t{1} * camera.width * camera.height;
-  std::int64_t valid = 0;
-  for (std::size_t i = 0; i < n; ++i) valid += (target.depth[i] > 0.0f) & (target.depth[i] < __builtin_inff());
+  ValidDepths valid;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!is_valid_depth(target.depth[i])) continue;
+    ++valid.pixels;
+    if (target.depth[i] > valid.farthest) valid.farthest = target.depth[i];
+  }
   return valid;
 }
 
@@ -88,7 +97,7 @@ HGS_INLINE VFloat signed_as(VFloat scale, VFloat a) {
   return (a != 0.0f) ? signed_scale : VFloat{};
 }
 
-// `losses`: |C/A - rgb| (mean of the channels), |D/A - depth| and 1 - A summed over the tile, and pixels compared.
+// `losses`: |C/A - rgb| (mean of the channels), |D/A - depth| and (1 - A)^2 summed over the tile, and pixels compared.
 static void gradients_of_loss(const ForwardTile& state, const Window& window, const PinholeCamera& camera,
                               const Target& target, const LossScale& scale, GradientTile& gradients, double* losses) {
   VFloat colour_loss{}, depth_loss{}, uncovered{}, covered{};
@@ -112,7 +121,7 @@ static void gradients_of_loss(const ForwardTile& state, const Window& window, co
       const int x = j * LANES;
       const VFloat depth = load(truth[3] + x);
       const VInt valid = depth > 0.0f;
-      const VFloat A = 1.0f - load(sums[T_PLANE] + x);
+      const VFloat T = load(sums[T_PLANE] + x), A = 1.0f - T;
       const VInt compared = valid & (A > MIN_COVERED);
       const VFloat inverse = compared ? 1.0f / A : VFloat{};
       VFloat slope_by_A{};
@@ -130,8 +139,8 @@ static void gradients_of_loss(const ForwardTile& state, const Window& window, co
       store(planes[DD_PLANE] + x, slope);
       slope_by_A -= slope * mean;
       depth_loss += vabs(error);
-      store(planes[DA_PLANE] + x, valid ? slope_by_A - scale.silhouette : VFloat{});
-      uncovered += valid ? 1.0f - A : VFloat{};
+      store(planes[DA_PLANE] + x, valid ? slope_by_A - 2.0f * scale.silhouette * T : VFloat{});
+      uncovered += valid ? T * T : VFloat{};
       covered += compared ? splat_all(1.0f) : VFloat{};
     }
     start_row(sums, planes, window.width);

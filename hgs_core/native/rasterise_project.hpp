@@ -68,14 +68,14 @@ static std::uint32_t project_block(const float* parameters, std::uint32_t first_
   for (int base = 0; base < padded; base += LANES) {
     const VFloat x = load(columns[0] + base), y = load(columns[1] + base), w = load(columns[2] + base);
     const VFloat z = R[6] * x + R[7] * y + R[8] * w + t[2];
-    VInt kept = z > NEAR_M;
+    VInt kept = (z > NEAR_M) & (z < camera.far_m);
     if (!any(kept)) continue;
     const VFloat inverse_z = 1.0f / vmax(z, splat_all(NEAR_M));
     const VFloat u = camera.fx * (R[0] * x + R[1] * y + R[2] * w + t[0]) * inverse_z + camera.cx;
     const VFloat v = camera.fy * (R[3] * x + R[4] * y + R[5] * w + t[1]) * inverse_z + camera.cy;
     const VFloat radius = vexp(load(columns[6] + base)) * inverse_z;
     const VFloat own_variance = f2 * radius * radius;
-    const VFloat falloff = 0.72134752f / (own_variance + LOW_PASS_PX2);  // log2(e) / 2
+    const VFloat falloff = 0.72134752f / (own_variance + camera.low_pass_px2);  // log2(e) / 2
     const VFloat opacity = 1.0f / (1.0f + vexp(-load(columns[7] + base)));
     const VFloat decay = vlog2_rough(vmax(opacity * 255.0f, splat_all(0.5f))) + 1e-3f;
     const VFloat reach = vsqrt(vmax(decay, splat_all(0.0f)) / falloff) + 0.01f;

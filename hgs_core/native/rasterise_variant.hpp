@@ -76,11 +76,15 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
   add_gradients(workspace, camera, gradient);
 }
 
-static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& camera, const Target& target,
+static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& whole, const Target& target,
                          const AdamState& adam) {
   LossSums loss;
-  loss.pixels = count_valid(target, camera);
+  const ValidDepths valid = valid_depths(target, whole);
+  loss.pixels = valid.pixels;
   if (loss.pixels == 0) return loss;
+  // Other rooms lie in the frustum too: half the work of a late mission, and nothing to learn about them.
+  PinholeCamera camera = whole;
+  camera.far_m = valid.farthest + BEHIND_M;
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
   prepare(gaussians, camera, workspace);

@@ -16,8 +16,11 @@ from numpy import ndarray
 from hgs_core.gaussians.gaussian_map import BLOCK, CENTRE, LOGIT_OPACITY, GaussianMap
 from hgs_core.robot.robot import RobotConfig, RobotState
 
+_LOGIT_SOLID: Final = float(np.log(0.2 / 0.8))
+"""Gaussians below an opacity of 0.2 are on their way out."""
+
 MIN_GAUSSIANS: Final = 3
-"""So many opaque Gaussians in a cell are a surface, fewer may be an error."""
+"""So many solid Gaussians in a cell are a surface, fewer may be an error."""
 
 TOUCH_DEPTH_M: Final = 0.03
 """How far inside what was touched the mark is put."""
@@ -33,7 +36,7 @@ def low_surface_points(
     lower_m: Float[ndarray, " 2"],
     upper_m: Float[ndarray, " 2"],
 ) -> Float32[ndarray, "n 2"]:
-    """Floor positions of opaque Gaussians between the robot's step height and `below_m`, inside a rectangle.
+    """Floor positions of solid Gaussians between the robot's step height and `below_m`, inside a rectangle.
 
     Blocks of the map that do not reach into the layer or the rectangle are not looked at.
     """
@@ -46,7 +49,7 @@ def low_surface_points(
     parameters = gaussians.parameters[rows[rows < gaussians.size]]
     centres = parameters[:, CENTRE]
     kept = (centres[:, 2] > robot.step_height_m) & (centres[:, 2] < below_m)
-    kept &= parameters[:, LOGIT_OPACITY] > 0.0
+    kept &= parameters[:, LOGIT_OPACITY] > _LOGIT_SOLID
     kept &= np.all((centres[:, :2] >= lower_m) & (centres[:, :2] < upper_m), axis=1)
     return centres[kept, :2]
 

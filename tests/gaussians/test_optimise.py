@@ -79,7 +79,7 @@ class ReferenceOptimiser:
         loss = (
             WEIGHTS.colour * (colour[covered] / A[:, None] - truth_rgb[covered]).abs().mean(dim=1).sum()
             + WEIGHTS.depth * (depth[covered] / A - truth_depth[covered]).abs().sum()
-            + WEIGHTS.silhouette * (1.0 - silhouette[valid]).sum()
+            + WEIGHTS.silhouette * ((1.0 - silhouette[valid]) ** 2).sum()
         ) / valid.sum()
         (g,) = torch.autograd.grad(loss, leaf)
         moved = (g != 0).any(dim=1)
@@ -132,9 +132,23 @@ def test_reported_terms_are_means_over_covered_pixels() -> None:
     share = loss.covered_pixels / loss.pixels
     expected = (
         share * (WEIGHTS.colour * colour_error + WEIGHTS.depth * depth_error)
-        + WEIGHTS.silhouette * (1.0 - drawn.silhouette[valid]).mean()
+        + WEIGHTS.silhouette * ((1.0 - drawn.silhouette[valid]) ** 2).mean()
     )
     assert loss.total == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_lies_far_behind_the_farthest_depth_is_left_out() -> None:
+    near, both, view = scene(), scene(), target()
+    farthest = view.depth_m[np.isfinite(view.depth_m)].max()
+    behind = np.zeros((2, 8), np.float32)
+    behind[:, :3] = POSE.apply(np.array([[0.0, 0.0, farthest + 0.29], [0.0, 0.0, farthest + 0.31]]))
+    behind[:, 3:] = [1.0, 0.0, 0.0, -1.0, 2.0]
+    near.append(behind[:1], anchor_keyframe=0)
+    both.append(behind, anchor_keyframe=0)
+    assert step(near, view) == step(both, view)
+    np.testing.assert_array_equal(both.parameters[: near.size], near.parameters[: near.size])
+    assert both.adam_steps[near.size - 1] == 1
+    assert both.adam_steps[near.size] == 0
 
 
 def test_repeated_steps_learn_a_picture() -> None:

@@ -63,9 +63,11 @@ def test_scaling_keeps_the_field_of_view(factor: int) -> None:
     assert scaled.vertical_fov_rad == pytest.approx(camera.vertical_fov_rad)
 
 
-@pytest.mark.parametrize(("field", "value"), [("width", 0), ("height", 0), ("fx", 0.0), ("fy", -1.0)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("width", 0), ("height", 0), ("fx", 0.0), ("fy", -1.0), ("low_pass_px2", 0.0)]
+)
 def test_an_impossible_camera_is_refused(field: str, value: float) -> None:
-    allowed = {"width": 4, "height": 2, "fx": 2.0, "fy": 2.0, "cx": 2.0, "cy": 1.0}
+    allowed = {"width": 4, "height": 2, "fx": 2.0, "fy": 2.0, "cx": 2.0, "cy": 1.0, "low_pass_px2": 0.3}
     with pytest.raises(ConfigError, match="positive"):
         CameraIntrinsics(**{**allowed, field: value})
 

@@ -10,6 +10,7 @@ from hgs_core.native import kernels
 CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
 POSE = level_camera_pose(0.3, -0.2, 1.0, 0.4)
 GATE_M, SLOPE, MOST = 0.04, 0.008, 40
+LARGEST_RADIUS = np.random.default_rng(7).uniform(0.02, 0.15, (40, 60)).astype(np.float32)
 
 
 def gaussians_near_a_wall(rng: np.random.Generator, n: int) -> GaussianMap:
@@ -35,6 +36,7 @@ def fuse(gaussians: GaussianMap, depth: np.ndarray, pose: SE3) -> np.ndarray:
         gaussians.block_bounds,
         BLOCK,
         depth.astype(np.float32),
+        LARGEST_RADIUS,
         CAMERA.fx,
         CAMERA.fy,
         CAMERA.cx,
@@ -44,10 +46,6 @@ def fuse(gaussians: GaussianMap, depth: np.ndarray, pose: SE3) -> np.ndarray:
         gate_m=GATE_M,
         gate_slope=SLOPE,
         max_count=MOST,
-        radius_factor=0.6,
-        finest_px=1.0,
-        min_spacing_m=0.08,
-        replace_factor=1.8,
     )
 
 
@@ -63,9 +61,7 @@ def naive(parameters: np.ndarray, counts: np.ndarray, wall_m: float) -> tuple[np
             continue
         fused = z + (wall_m - z) / (min(counts[i], MOST) + 1)
         moved[i, :3] = POSE.apply(np.array([[x, y, z]]) * fused / z)[0]
-        radius = np.exp(parameters[i, 6])
-        placed = 0.6 * z / CAMERA.fx * (2 if z / CAMERA.fx < 0.08 else 1)
-        if radius > 1.8 * placed:
+        if np.exp(parameters[i, 6]) > LARGEST_RADIUS[int(v + 0.5), int(u + 0.5)]:
             coarse.append(i)
     return moved, coarse
 

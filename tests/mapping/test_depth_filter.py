@@ -78,3 +78,9 @@ def test_colours_are_averaged_and_rounded() -> None:
     rgb[:2, :2, 0] = [[10, 11], [12, 13]]
     image = training_image(frame_of(np.ones((80, 120)), rgb), DepthFusionConfig())
     assert image.rgb[0, 0].tolist() == [12, 0, 0]
+
+
+def test_splats_are_as_wide_in_the_halved_image_as_in_the_full_one() -> None:
+    """The low pass covers the same piece of surface in both, so training on one does not shrink the other."""
+    halved = training_image(frame_of(np.full((80, 120), 2.0)), DepthFusionConfig()).intrinsics
+    assert halved.low_pass_px2 / halved.fx**2 == pytest.approx(CAMERA.low_pass_px2 / CAMERA.fx**2)

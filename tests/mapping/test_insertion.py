@@ -1,49 +1,103 @@
 """New Gaussians: where, how far apart, how large."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS
+from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, RGB
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.mapping.config import InsertionConfig
-from hgs_core.mapping.insertion import new_gaussians
+from hgs_core.mapping.insertion import new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframes import TrainingImage
 
 CAMERA = CameraIntrinsics.centred(600, 340, 300.0)
+CONFIG = InsertionConfig()
+ALL = np.ones((340, 600), bool)
 
 
-def wall_at(z_m: float) -> TrainingImage:
+def picture(depth_m: np.ndarray, rgb: np.ndarray | None = None) -> TrainingImage:
     return TrainingImage(
-        rgb=np.full((340, 600, 3), 128, np.uint8),
-        depth_m=np.full((340, 600), z_m, np.float32),
+        rgb=np.full((340, 600, 3), 128, np.uint8) if rgb is None else rgb,
+        depth_m=depth_m.astype(np.float32),
         intrinsics=CAMERA,
         T_world_camera=level_camera_pose(1.0, 2.0, 1.0, 0.7),
     )
 
 
-@pytest.mark.parametrize(("z_m", "stride_px"), [(4.0, 2), (1.5, 4), (0.8, 8)])
-def test_spacing_follows_distance(z_m: float, stride_px: int) -> None:
-    config = InsertionConfig()
+def wall_at(z_m: float, rgb: np.ndarray | None = None) -> TrainingImage:
+    return picture(np.full((340, 600), z_m), rgb)
+
+
+def chequered(difference: int) -> np.ndarray:
+    bright = (np.add.outer(np.arange(340), np.arange(600)) % 2 == 0)[..., None]
+    return np.where(bright, 100 + difference, 100).astype(np.uint8).repeat(3, axis=2)
+
+
+def in_camera(image: TrainingImage, parameters: np.ndarray) -> np.ndarray:
+    return image.T_world_camera.inverse().apply(parameters[:, CENTRE].astype(float))
+
+
+def test_spacing_is_wider_where_there_is_less_to_see() -> None:
+    """Finest where the contrast is large; its inverse square root where it is less; then the widest."""
+    finest = 0.5 * CONFIG.finest_px * 3.0 / CAMERA.fx
+    assert finest > CONFIG.finest_m
+    for difference in (0, 5, 20, 40, 100):
+        spacing = wanted_spacing(wall_at(3.0, chequered(difference)), CONFIG)
+        contrast = max(difference / 255.0, 1e-3)
+        factor = np.clip(np.sqrt(CONFIG.detail_contrast / contrast), 1.0, CONFIG.widest_factor)
+        np.testing.assert_allclose(spacing, finest * factor, rtol=1e-5)
+
+
+def test_spacing_has_a_least_value_and_is_zero_without_a_measurement() -> None:
+    image = wall_at(0.5, chequered(255 - 100))
+    np.testing.assert_allclose(wanted_spacing(image, CONFIG), CONFIG.finest_m, rtol=1e-6)
+    holes = picture(np.where(np.arange(600) % 3 == 0, 0.0, np.inf) + np.zeros((340, 1)))
+    assert not wanted_spacing(holes, CONFIG).any()
+
+
+@pytest.mark.parametrize(("z_m", "stride_px"), [(4.0, 4), (2.0, 4), (1.0, 8), (0.5, 16)])
+def test_a_facing_wall_gets_a_square_lattice(z_m: float, stride_px: int) -> None:
     image = wall_at(z_m)
-    wanted = np.ones((340, 600), bool)
-    parameters = new_gaussians(image, wanted, config, coarsening=1)
+    parameters = new_gaussians(image, ALL, wanted_spacing(image, CONFIG), CONFIG)
     assert len(parameters) == pytest.approx(340 * 600 / stride_px**2, rel=0.05)
     spacing = stride_px * z_m / CAMERA.fx
-    np.testing.assert_allclose(np.exp(parameters[:, LOG_RADIUS]), 0.6 * spacing, rtol=1e-5)
-    points = image.T_world_camera.inverse().apply(parameters[:, CENTRE].astype(float))
+    np.testing.assert_allclose(np.exp(parameters[:, LOG_RADIUS]), CONFIG.radius_factor * spacing, rtol=1e-4)
+    points = in_camera(image, parameters)
     np.testing.assert_allclose(points[:, 2], z_m, rtol=1e-5)
     pixels, inside = CAMERA.project(points)
     assert inside.all()
     np.testing.assert_allclose(pixels % 1.0, 0.5, atol=1e-2)  # pixel centres
+    np.testing.assert_allclose(parameters[:, RGB], 128 / 255, rtol=1e-6)
 
 
-def test_only_wanted_pixels(tmp_path: Path) -> None:
+def test_a_slanted_floor_is_covered_evenly() -> None:
+    """On the floor rows of pixels are several times farther apart than columns: the lattice makes up for it."""
+    slope = np.clip((np.arange(340) + 0.5 - CAMERA.cy) / CAMERA.fy, 0.2, None)
+    image = picture(np.repeat((1.0 / slope)[:, None], 600, axis=1))
     wanted = np.zeros((340, 600), bool)
-    assert len(new_gaussians(wall_at(3.0), wanted, InsertionConfig(), coarsening=1)) == 0
+    wanted[240:] = True  # nearer than 4.2 m
+    spacing = np.full((340, 600), 0.05, np.float32)
+    parameters = new_gaussians(image, wanted, spacing, CONFIG)
+    points = in_camera(image, parameters)[:, [0, 2]]
+    inner = points[(np.abs(points[:, 0]) < 1.0) & (points[:, 1] > 1.9) & (points[:, 1] < 3.8)]
+    assert len(inner) == pytest.approx(2.0 * 1.9 / 0.05**2, rel=0.35)
+    radius = np.exp(parameters[:, LOG_RADIUS]) / CONFIG.radius_factor
+    assert np.all((radius > 0.03) & (radius < 0.085))
+
+
+def test_wider_spacing_uses_a_part_of_the_same_lattice() -> None:
+    image = wall_at(3.0)
+    fine = new_gaussians(image, ALL, np.full((340, 600), 0.02, np.float32), CONFIG)
+    coarse = new_gaussians(image, ALL, np.full((340, 600), 0.04, np.float32), CONFIG)
+    assert len(fine) == 4 * len(coarse)
+    assert {tuple(p) for p in coarse[:, CENTRE].tolist()} < {tuple(p) for p in fine[:, CENTRE].tolist()}
+
+
+def test_only_wanted_pixels() -> None:
+    image = wall_at(3.0)
+    spacing = wanted_spacing(image, CONFIG)
+    wanted = np.zeros((340, 600), bool)
+    assert len(new_gaussians(image, wanted, spacing, CONFIG)) == 0
     wanted[:, :300] = True
-    points = new_gaussians(wall_at(3.0), wanted, InsertionConfig(), coarsening=2)
-    local = wall_at(3.0).T_world_camera.inverse().apply(points[:, CENTRE].astype(float))
-    assert (local[:, 0] < 0.02).all()
-    assert len(points) == pytest.approx(340 * 300 / 16, rel=0.05)
+    parameters = new_gaussians(image, wanted, spacing, CONFIG)
+    assert (in_camera(image, parameters)[:, 0] < 0.02).all()
+    assert len(parameters) == pytest.approx(340 * 300 / 16, rel=0.05)

@@ -47,7 +47,7 @@ def test_only_the_layer_between_step_and_column_counts() -> None:
 
 
 def test_faint_gaussians_and_empty_maps_show_nothing() -> None:
-    assert len(points_of(gaussians_at([[0.0, 0.0, 0.08]], logit_opacity=-1.0))) == 0
+    assert len(points_of(gaussians_at([[0.0, 0.0, 0.08]], logit_opacity=-2.0))) == 0
     assert len(points_of(GaussianMap())) == 0
 
 
