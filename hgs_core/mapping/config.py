@@ -53,9 +53,9 @@ class MappingConfig(StrictConfig):
     keyframe_translation_m: float = Field(0.5, gt=0)
     keyframe_rotation_deg: float = Field(25.0, gt=0)
     """A frame becomes a keyframe when it moved or turned by this much since the last one."""
-    max_gaussians: int = Field(2_500_000, ge=1000)
+    max_gaussians: int = Field(5_000_000, ge=1000)
     """Near this budget the lattice of new Gaussians gets coarser; at it none are added."""
-    prune_interval: int = Field(10, ge=1)
+    prune_interval: int = Field(20, ge=1)
     """Frames between prunings."""
     prune_opacity: float = Field(0.02, gt=0, lt=1)
     """Gaussians fainter than this are dropped."""

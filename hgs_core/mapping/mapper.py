@@ -189,9 +189,9 @@ class Mapper:
         used = self.gaussians.size / self.config.max_gaussians
         if used >= 1.0:
             return None
-        if used > 0.9:
+        if used > 0.95:
             return 4
-        return 2 if used > 0.75 else 1
+        return 2 if used > 0.85 else 1
 
     def _optimise(self, image: TrainingImage, interrupted: Callable[[], bool]) -> int:
         overlap = self.keyframes.overlap(image, range_m=self._camera_range_m)
