@@ -70,7 +70,7 @@ def test_a_facing_wall_gets_a_square_lattice(z_m: float, stride_px: int) -> None
 
 
 def test_a_slanted_floor_is_covered_evenly() -> None:
-    """On the floor rows of pixels are several times farther apart than columns: the lattice makes up for it."""
+    """Rows of pixels on the floor are several times farther apart than columns; the Gaussians are not."""
     slope = np.clip((np.arange(340) + 0.5 - CAMERA.cy) / CAMERA.fy, 0.2, None)
     image = picture(np.repeat((1.0 / slope)[:, None], 600, axis=1))
     wanted = np.zeros((340, 600), bool)
