@@ -25,14 +25,14 @@ class LossWeights(StrictConfig):
     """Of |C/A - rgb|, mean of the three channels [1 per unit of colour]."""
     depth: float = Field(1.0, ge=0)
     """Of |D/A - depth| [1/m]."""
-    silhouette: float = Field(0.3, ge=0)
+    silhouette: float = Field(0.15, ge=0)
     """Of (1 - A)^2: a pixel with a depth shows a surface, so nothing may shine through."""
 
 
 class LearningRates(StrictConfig):
     """Adam (Kingma and Ba 2015): step sizes by parameter, and its constants."""
 
-    centre: float = Field(1e-4, ge=0)
+    centre: float = Field(2e-4, ge=0)
     """Of the centre [m a step]."""
     rgb: float = Field(2.5e-3, ge=0)
     """Of the colour [1 a step]."""

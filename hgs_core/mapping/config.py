@@ -1,6 +1,8 @@
 """Settings of the mapper."""
 
-from pydantic import Field
+from __future__ import annotations
+
+from pydantic import Field, model_validator
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.gaussians.optimise import LearningRates, LossWeights
@@ -48,8 +50,10 @@ class MappingConfig(StrictConfig):
 
     iterations_per_frame: int = Field(8, ge=0)
     """Optimisation steps after each frame, one image each, at half resolution."""
-    current_frame_share: float = Field(0.35, ge=0, le=1)
-    """Share of the steps spent on the newest frame; the others go to overlapping keyframes."""
+    current_frame_share: float = Field(0.3, ge=0, le=1)
+    """Share of the steps spent on the newest frame."""
+    replay_share: float = Field(0.4, ge=0, le=1)
+    """Share of the steps spent on any keyframe at all; the others go to keyframes that overlap the frame."""
     keyframe_translation_m: float = Field(0.5, gt=0)
     keyframe_rotation_deg: float = Field(25.0, gt=0)
     """A frame becomes a keyframe when it moved or turned by this much since the last one."""
@@ -63,3 +67,12 @@ class MappingConfig(StrictConfig):
     insertion: InsertionConfig = InsertionConfig()
     loss: LossWeights = LossWeights()
     rates: LearningRates = LearningRates()
+
+    @model_validator(mode="after")
+    def _shares_fit(self) -> MappingConfig:
+        if self.current_frame_share + self.replay_share > 1.0:
+            raise ValueError(
+                f"current_frame_share {self.current_frame_share} and replay_share {self.replay_share} "
+                "add up to more than 1: lower one of them"
+            )
+        return self

@@ -12,7 +12,7 @@ from hgs_core.gaussians.gaussian_map import N_PARAMETERS
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
-from hgs_core.mapping.surface import surface_steps
+from hgs_core.mapping.surface import surface_borders, surface_steps
 
 _SORT_CELL_M: Final = 0.25
 _CONTRAST_CELL: Final = 4
@@ -33,6 +33,7 @@ def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[nda
 
     What `finest_px` (full-image) pixels span at that distance, at least `finest_m`; more where the image has
     less contrast than `detail_contrast`: with its inverse square root, at most `widest_factor` times more.
+    Borders of surfaces count as detail: thin legs and edges need small Gaussians whatever their colour.
     """
     measured = (image.depth_m > 0) & np.isfinite(image.depth_m)
     depth = np.where(measured, image.depth_m, np.float32(0.0))
@@ -40,6 +41,7 @@ def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[nda
     finest = np.maximum(np.float32(config.finest_px) * pixel_m, np.float32(config.finest_m))
     contrast = np.maximum(_contrast(image), np.float32(1e-3))
     factor = np.clip(np.sqrt(np.float32(config.detail_contrast) / contrast), 1.0, config.widest_factor)
+    factor[surface_borders(image.depth_m)] = 1.0
     spacing: Float32[ndarray, "height width"] = np.where(measured, finest * factor, 0.0).astype(np.float32)
     return spacing
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int32
+from jaxtyping import Bool, Float, Float32, Int, Int32
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import BLOCK, LOGIT_OPACITY, GaussianMap
@@ -199,9 +199,7 @@ class Mapper:
         for step in range(self.config.iterations_per_frame):
             if interrupted():
                 return step
-            target = image
-            if len(neighbours) and self._rng.random() >= self.config.current_frame_share:
-                target = self.keyframes.load(int(self._rng.choice(neighbours)))
+            target = self._target(image, neighbours)
             optimise_step(
                 self.gaussians,
                 target.rgb,
@@ -212,6 +210,15 @@ class Mapper:
                 rates=self.config.rates,
             )
         return self.config.iterations_per_frame
+
+    def _target(self, image: TrainingImage, neighbours: Int[ndarray, " n"]) -> TrainingImage:
+        """What one step learns from: the newest frame, a keyframe that overlaps it, or any keyframe."""
+        draw = self._rng.random()
+        if len(self.keyframes) and draw >= 1.0 - self.config.replay_share:
+            return self.keyframes.load(int(self._rng.integers(len(self.keyframes))))
+        if len(neighbours) and draw >= self.config.current_frame_share:
+            return self.keyframes.load(int(self._rng.choice(neighbours)))
+        return image
 
     def _is_keyframe(self, pose: SE3) -> bool:
         last = self.keyframes.last_pose

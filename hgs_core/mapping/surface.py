@@ -1,14 +1,17 @@
-"""The slant of the surface that a depth image shows."""
+"""The slant and the borders of the surfaces that a depth image shows."""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 
 from hgs_core.geometry.camera import CameraIntrinsics
+
+_BEND_M: Final = 0.05
+"""Beyond the noise of smoothed depth."""
 
 _LONGEST: Final = 8.0
 """Steps end at so many times those of a surface that faces the camera."""
@@ -40,6 +43,26 @@ def surface_steps(
         squared = slope**2 * ray_squared + 2.0 * slope * facing * ray_along + facing**2
         steps.append(np.minimum(np.sqrt(squared), _LONGEST * facing))
     return steps[0], steps[1]
+
+
+def surface_borders(depth_m: Float32[ndarray, "height width"]) -> Bool[ndarray, "height width"]:
+    """Pixels where a surface ends or bends by more than `_BEND_M`, and their neighbours.
+
+    Inverse depth is linear in the image on a plane, so its second difference, in metres at that distance, is
+    how far the surface departs from one. What was not measured counts as infinitely far.
+    """
+    measured = (depth_m > 0) & np.isfinite(depth_m)
+    depth = np.where(measured, depth_m, np.float32(1.0))
+    inverse = np.where(measured, np.float32(1.0) / depth, np.float32(0.0))
+    bent = np.zeros(depth_m.shape, bool)
+    bent[:, 1:-1] |= np.abs(np.diff(inverse, 2, axis=1)) * depth[:, 1:-1] ** 2 > _BEND_M
+    bent[1:-1, :] |= np.abs(np.diff(inverse, 2, axis=0)) * depth[1:-1, :] ** 2 > _BEND_M
+    borders = bent.copy()
+    borders[:, 1:] |= bent[:, :-1]
+    borders[:, :-1] |= bent[:, 1:]
+    borders[1:, :] |= bent[:-1, :]
+    borders[:-1, :] |= bent[1:, :]
+    return borders & measured
 
 
 def _inverse_depth(

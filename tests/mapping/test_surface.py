@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hgs_core.geometry.camera import CameraIntrinsics
-from hgs_core.mapping.surface import surface_steps
+from hgs_core.mapping.surface import surface_borders, surface_steps
 
 CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
 
@@ -41,3 +41,24 @@ def test_steps_have_an_end() -> None:
     rows, columns = np.array([20]), np.array([31])
     across, _ = surface_steps(depth, CAMERA, rows, columns)
     np.testing.assert_allclose(across, 8.0 * depth[20, 31] / CAMERA.fx, rtol=1e-5)
+
+
+def test_borders_are_where_surfaces_end_and_nowhere_on_a_plane() -> None:
+    assert not surface_borders(plane_depth((0.5, 0.3, 1.0), 2.0)).any()
+    depth = plane_depth((0.1, 0.0, 1.0), 2.0)
+    depth[:, 30:33] = 1.5  # a leg before a wall
+    depth[10, 50] = 0.0
+    borders = surface_borders(depth)
+    assert borders[:, 28:35].all()
+    assert not borders[:, :26].any()
+    assert not borders[20:, 37:].any()
+    assert borders[9, 50]
+    assert borders[10, 49]
+    assert not borders[10, 50]
+
+
+def test_what_noise_is_left_makes_no_borders() -> None:
+    rng = np.random.default_rng(3)
+    depth = plane_depth((0.3, 0.2, 1.0), 3.0)
+    noisy = depth + rng.normal(0.0, 0.005, depth.shape).astype(np.float32)
+    assert surface_borders(noisy).mean() < 0.02
