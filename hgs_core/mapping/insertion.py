@@ -22,10 +22,9 @@ def missing_pixels(
     image: TrainingImage, rendered: RenderedView, config: InsertionConfig
 ) -> Bool[ndarray, "height width"]:
     """Measured pixels that the map leaves open, or shows at something farther away."""
-    measured = (image.depth_m > 0) & np.isfinite(image.depth_m)
     open_ = rendered.silhouette < config.silhouette_threshold
     in_front = rendered.depth_m - image.depth_m > config.depth_margin_m
-    return measured & (open_ | in_front)
+    return image.measured & (open_ | in_front)
 
 
 def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[ndarray, "height width"]:
@@ -35,7 +34,7 @@ def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[nda
     less contrast than `detail_contrast`: with its inverse square root, at most `widest_factor` times more.
     Borders of surfaces count as detail: thin legs and edges need small Gaussians whatever their colour.
     """
-    measured = (image.depth_m > 0) & np.isfinite(image.depth_m)
+    measured = image.measured
     depth = np.where(measured, image.depth_m, np.float32(0.0))
     pixel_m = depth / np.float32(2.0 * image.intrinsics.fx)  # of the full image
     finest = np.maximum(np.float32(config.finest_px) * pixel_m, np.float32(config.finest_m))

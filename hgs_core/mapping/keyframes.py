@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from numpy import ndarray
 
 from hgs_core.geometry.camera import CameraIntrinsics
@@ -27,6 +27,11 @@ class TrainingImage:
     depth_m: Float32[ndarray, "height width"]
     intrinsics: CameraIntrinsics
     T_world_camera: SE3
+
+    @property
+    def measured(self) -> Bool[ndarray, "height width"]:
+        """Pixels with a depth."""
+        return (self.depth_m > 0) & np.isfinite(self.depth_m)
 
 
 class KeyframeStore:

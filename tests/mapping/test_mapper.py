@@ -8,9 +8,8 @@ from pydantic import ValidationError
 
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.mapping.config import MappingConfig
-from hgs_core.mapping.mapper import Mapper
 from hgs_core.sensing.frame import Frame
-from hgs_core.voxels.voxel_map import VoxelConfig
+from tests.mapping.new_mapper import empty_mapper
 
 CAMERA = CameraIntrinsics.centred(120, 80, 60.0)
 
@@ -31,15 +30,7 @@ def wall_ahead(yaw_rad: float, number: int) -> Frame:
 def test_what_is_out_of_view_is_optimised_on_only_by_replay(
     replay_share: float, is_replayed: bool, tmp_path: Path
 ) -> None:
-    mapper = Mapper(
-        MappingConfig(replay_share=replay_share, iterations_per_frame=20),
-        VoxelConfig(),
-        camera_range_m=5.0,
-        scanner_range_m=5.0,
-        region=None,
-        keyframe_folder=tmp_path,
-        rng=np.random.default_rng(0),
-    )
+    mapper = empty_mapper(MappingConfig(replay_share=replay_share, iterations_per_frame=20), tmp_path)
     mapper.integrate(wall_ahead(0.0, 0), interrupted=lambda: False)
     behind = mapper.gaussians.size
     steps = mapper.gaussians.adam_steps[:behind].copy()

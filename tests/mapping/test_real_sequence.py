@@ -7,9 +7,9 @@ import pytest
 
 from hgs_core.gaussians.render import render
 from hgs_core.mapping.config import MappingConfig
-from hgs_core.mapping.mapper import Mapper
 from hgs_core.sensing.recording import RecordedSequence
-from hgs_core.voxels.voxel_map import VoxelConfig, VoxelState
+from hgs_core.voxels.voxel_map import VoxelState
+from tests.mapping.new_mapper import empty_mapper
 
 
 @pytest.fixture
@@ -21,15 +21,7 @@ def sequence(shared_dir: Path) -> RecordedSequence:
 
 
 def test_a_recording_becomes_a_map(sequence: RecordedSequence, tmp_path: Path) -> None:
-    mapper = Mapper(
-        MappingConfig(iterations_per_frame=4),
-        VoxelConfig(),
-        camera_range_m=5.0,
-        scanner_range_m=5.0,
-        region=None,
-        keyframe_folder=tmp_path,
-        rng=np.random.default_rng(0),
-    )
+    mapper = empty_mapper(MappingConfig(iterations_per_frame=4), tmp_path)
     frames = [frame for number, frame in enumerate(sequence) if number < 24]
     predicted = [
         mapper.integrate(frame, interrupted=lambda: False).psnr_predicted_db for frame in frames[::2]
