@@ -48,7 +48,7 @@ class InsertionConfig(StrictConfig):
 class MappingConfig(StrictConfig):
     """The Gaussian mapper: bounded work for every frame."""
 
-    iterations_per_frame: int = Field(8, ge=0)
+    iterations_per_frame: int = Field(10, ge=0)
     """Optimisation steps after each frame, one image each, at half resolution."""
     current_frame_share: float = Field(0.3, ge=0, le=1)
     """Share of the steps spent on the newest frame."""
