@@ -25,6 +25,8 @@ from hgs_core.gaussians.information import quality_image
 from hgs_core.mission.events import MissionView
 from hgs_core.planning.plan import Candidate, Subspace
 
+GAP_FACTOR = 1.5
+"""How much wider than evenly spaced ones splats of a thinned-out map are drawn."""
 QUALITY_WIDTH = 300
 """Width of the quality-gain image [px]."""
 
@@ -65,17 +67,21 @@ def display_view(view: MissionView, *, max_splats: int, max_image_width: int) ->
 def _splats(
     gaussians: GaussianMap, limit: int
 ) -> tuple[Float32[ndarray, "n 3"], UInt8[ndarray, "n 3"], Float32[ndarray, " n"], UInt8[ndarray, " n"]]:
-    """At most `limit` Gaussians: every k-th, its radius times sqrt(k), so that surfaces stay closed.
+    """At most `limit` Gaussians: every k-th, larger and more opaque by what it stands for.
 
-    A stride keeps the choice the same from view to view, as rows keep their order.
+    Its radius grows by sqrt(k), as the spacing does, and by `GAP_FACTOR`, as a thinned-out row of Gaussians is
+    less even than the whole one; its opacity becomes that of k such Gaussians behind each other. Surfaces stay
+    closed. A stride keeps the choice the same from view to view, as rows keep their order.
     """
     stride = max(1, math.ceil(gaussians.size / limit))
+    growth = 1.0 if stride == 1 else GAP_FACTOR * math.sqrt(stride)
     parameters = gaussians.parameters[: gaussians.size : stride]
-    opacities = 255.0 / (1.0 + np.exp(-parameters[:, LOGIT_OPACITY]))
+    transparency = 1.0 / (1.0 + np.exp(parameters[:, LOGIT_OPACITY]))
+    opacities = 255.0 * (1.0 - transparency**stride)
     return (
         parameters[:, CENTRE].astype(np.float32),
         (np.clip(parameters[:, RGB], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8),
-        (np.exp(parameters[:, LOG_RADIUS]) * math.sqrt(stride)).astype(np.float32),
+        (np.exp(parameters[:, LOG_RADIUS]) * growth).astype(np.float32),
         opacities.astype(np.uint8),
     )
 
