@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float32, Int
+from jaxtyping import Bool, Float, Float32, Int, Int64
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
-from hgs_core.gaussians.gaussian_map import BLOCK, N_PARAMETERS
+from hgs_core.gaussians.gaussian_map import N_PARAMETERS
 from hgs_core.mapping.snapshot import MapSnapshot
-from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+from hgs_core.voxels.voxel_map import VoxelMap
 
 SEEN_ONCE_FROM_M: Final = 2.5
 """A Gaussian that no keyframe has seen counts as seen once from here [m]: some frame did see it."""
@@ -28,9 +28,13 @@ OPTICAL_DEPTH, UNSEEN, QUALITY = 0, 1, 2
 """Channels of `GainField.cells`."""
 
 
+CHUNK: Final[int] = kernels.GAIN_CHUNK
+"""Edge of a chunk, in voxels: so many by so many columns are gathered together."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainField:
-    """The voxels in a box around the viewpoints.
+    """The voxels of a map, gathered chunk by chunk where they are asked for.
 
     `cells[..., 0]` is a voxel's optical depth over one edge length, `cells[..., 1]` is 1 where seeing it is
     coverage, `cells[..., 2]` is `Q_v`: the expected sum of information ratios of its Gaussians in a view
@@ -39,79 +43,100 @@ class GainField:
 
     first_index: Int[ndarray, " 3"]
     """Global voxel index of `cells[0, 0, 0]`."""
+    size_m: float
+    """Edge of a voxel."""
     cells: Float32[ndarray, "nx ny nz 3"]
-    gaussians_per_m2: float
-    """Mean number of Gaussians on a voxel face's area of surface; 0 where there are none."""
+    n_gaussians: Int64[ndarray, "n_chunks_x n_chunks_y"]
+    """Gaussians in each chunk."""
+    n_populated: Int64[ndarray, "n_chunks_x n_chunks_y"]
+    """Voxels of each chunk that hold any."""
+    is_gathered: Bool[ndarray, "n_chunks_x n_chunks_y"]
+    """Which chunks hold what the maps hold now."""
 
-    def holds(self, first: Int[ndarray, " 3"], last: Int[ndarray, " 3"]) -> bool:
-        """Whether the voxels with global indices `first <= index < last` lie inside."""
-        end = self.first_index + self.cells.shape[:3]
-        return bool(np.all(self.first_index <= first) and np.all(last <= end))
+    @staticmethod
+    def over(voxels: VoxelMap) -> GainField:
+        """The field of the whole map, nothing gathered yet."""
+        shape = voxels.states.shape
+        n_chunks = (-(-shape[0] // CHUNK), -(-shape[1] // CHUNK))
+        return GainField(
+            first_index=voxels.origin_index.copy(),
+            size_m=voxels.config.size_m,
+            cells=np.zeros((*shape, 3), np.float32),
+            n_gaussians=np.zeros(n_chunks, np.int64),
+            n_populated=np.zeros(n_chunks, np.int64),
+            is_gathered=np.zeros(n_chunks, bool),
+        )
 
+    def is_over(self, voxels: VoxelMap) -> bool:
+        """Whether this is a field of the same box of voxels."""
+        return voxels.states.shape == self.cells.shape[:3] and bool(
+            np.all(voxels.origin_index == self.first_index)
+        )
 
-def gain_field(
-    snapshot: MapSnapshot,
-    first: Int[ndarray, " 3"],
-    last: Int[ndarray, " 3"],
-    *,
-    prior_information: float,
-    focal_px: float,
-) -> GainField:
-    """Gather the maps over the voxels with global indices `first <= index < last`, which lie in the map.
+    def chunks_near(
+        self, positions_m: Float[ndarray, "n 3"], range_m: float
+    ) -> Bool[ndarray, "n_chunks_x n_chunks_y"]:
+        """Chunks within a square of half-width `range_m` about any of the positions."""
+        near = np.zeros_like(self.is_gathered)
+        columns = positions_m[:, :2] / self.size_m - self.first_index[:2]
+        reach = range_m / self.size_m
+        first = np.maximum(np.floor((columns - reach) / CHUNK).astype(np.int64), 0)
+        last = np.maximum(np.floor((columns + reach) / CHUNK).astype(np.int64) + 1, 0)
+        for (i, j), (end_i, end_j) in zip(first, last, strict=True):
+            near[i:end_i, j:end_j] = True
+        return near
 
-    Opacity: a Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth of
-    the voxel that holds its centre. Occupied voxels let nothing through whatever their Gaussians, and
-    neither do dismissed ones (looked at in vain too often); other unobserved voxels are transparent, as in
-    Eq. 4.
+    def gather(
+        self,
+        snapshot: MapSnapshot,
+        chunks: Bool[ndarray, "n_chunks_x n_chunks_y"],
+        *,
+        prior_information: float,
+        focal_px: float,
+    ) -> None:
+        """Fill those of the chunks that are not gathered yet. The snapshot's voxels are this field's.
 
-    Quality (Eq. 9 in its trace form): with `I_ik` the training information of parameter `k` of Gaussian
-    `i`, one more view from distance `d` gains `q_i / d^2`, `q_i = c_i / I_i,colour * sum_k I_ik / (I_ik +
-    prior)`, where `c_i` is the colour information expected from 1 m: that of its bare splat, `pi o^2
-    (focal_px r)^2`, times the share that neighbours on the surface leave uncovered, as measured on the
-    training views. So what was seen from afar, at a grazing angle or half hidden promises more than what
-    was seen well.
-    """
-    voxels, gaussians = snapshot.voxels, snapshot.gaussians
-    shape = tuple(int(n) for n in last - first)
-    optical_depth = np.zeros(shape, np.float32)
-    quality = np.zeros(shape, np.float32)
-    count = np.zeros(shape, np.int32)
-    kernels.gather_gaussians(
-        gaussians.parameters[: gaussians.size],
-        gaussians.information[: gaussians.size],
-        gaussians.information_weight[: gaussians.size],
-        gaussians.block_bounds,
-        BLOCK,
-        first * voxels.config.size_m,
-        voxels.config.size_m,
-        prior_information,
-        focal_px,
-        N_PARAMETERS * SEEN_ONCE_FROM_M**2,
-        N_PARAMETERS * HARDLY_SEEN_FROM_M**2,
-        MIN_OPACITY,
-        optical_depth,
-        quality,
-        count,
-    )
-    cells = np.empty((*shape, 3), np.float32)
-    _opacity(voxels, first, optical_depth, cells)
-    cells[..., QUALITY] = quality
-    populated = count > 0
-    n_populated = int(np.count_nonzero(populated))
-    per_face = float(count.sum()) / n_populated if n_populated else 0.0
-    return GainField(first_index=first, cells=cells, gaussians_per_m2=per_face / voxels.config.size_m**2)
+        Opacity: a Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth
+        of the voxel that holds its centre. Occupied voxels let nothing through whatever their Gaussians, and
+        neither do dismissed ones (looked at in vain too often); other unobserved voxels are transparent, as
+        in Eq. 4.
 
+        Quality (Eq. 9 in its trace form): with `I_ik` the training information of parameter `k` of Gaussian
+        `i`, one more view from distance `d` gains `q_i / d^2`, `q_i = c_i / I_i,colour * sum_k I_ik / (I_ik +
+        prior)`, where `c_i` is the colour information expected from 1 m: that of its bare splat, `pi o^2
+        (focal_px r)^2`, times the share that neighbours on the surface leave uncovered, as measured on the
+        training views. So what was seen from afar, at a grazing angle or half hidden promises more than what
+        was seen well.
+        """
+        voxels, gaussians = snapshot.voxels, snapshot.gaussians
+        wanted = chunks & ~self.is_gathered
+        if not wanted.any():
+            return
+        kernels.gather_gain(
+            gaussians.parameters[: gaussians.size],
+            gaussians.information[: gaussians.size],
+            gaussians.information_weight[: gaussians.size],
+            gaussians.block_bounds,
+            voxels.states,
+            voxels.attempts,
+            voxels.config.max_attempts,
+            self.first_index * self.size_m,
+            self.size_m,
+            prior_information,
+            focal_px,
+            N_PARAMETERS * SEEN_ONCE_FROM_M**2,
+            N_PARAMETERS * HARDLY_SEEN_FROM_M**2,
+            MIN_OPACITY,
+            wanted,
+            self.cells,
+            self.n_gaussians,
+            self.n_populated,
+        )
+        self.is_gathered[wanted] = True
 
-def _opacity(
-    voxels: VoxelMap,
-    first: Int[ndarray, " 3"],
-    optical_depth: Float32[ndarray, "nx ny nz"],
-    cells: Float32[ndarray, "nx ny nz 3"],
-) -> None:
-    low = first - voxels.origin_index
-    box = tuple(slice(int(a), int(a) + n) for a, n in zip(low, optical_depth.shape, strict=True))
-    states = voxels.states[box]
-    unobserved = states == VoxelState.UNOBSERVED
-    dismissed = unobserved & (voxels.attempts[box] >= voxels.config.max_attempts)
-    cells[..., OPTICAL_DEPTH] = np.where(dismissed | (states == VoxelState.OCCUPIED), np.inf, optical_depth)
-    cells[..., UNSEEN] = unobserved & ~dismissed
+    def gaussians_per_m2(self, chunks: Bool[ndarray, "n_chunks_x n_chunks_y"]) -> float:
+        """Mean number of Gaussians on a voxel face's area of surface; 0 where there are none."""
+        n_populated = int(self.n_populated[chunks].sum())
+        if n_populated == 0:
+            return 0.0
+        return float(self.n_gaussians[chunks].sum()) / n_populated / self.size_m**2

@@ -96,7 +96,6 @@ def march(
     field: GainField,
     positions_m: Float[ndarray, "n 3"],
     *,
-    size_m: float,
     range_m: float,
     saturation_m: float = 0.0,
 ) -> Panoramas:
@@ -104,6 +103,7 @@ def march(
 
     Nearer than `saturation_m` a surface's quality gains no more than from there.
     """
+    size_m = field.size_m
     shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
     volume, voxels, quality = (np.zeros(shape, np.float32) for _ in range(3))
     if field.cells.size:
@@ -133,9 +133,6 @@ def by_yaw(
     window: Float64[ndarray, "n_elevations n_azimuths"],
 ) -> Float64[ndarray, "n n_azimuths"]:
     """Slide a window over the panoramas: `sum_em window[e, m] panorama[e, k + m]` for yaw `k`."""
-    n_azimuths = window.shape[1]
-    around = np.concatenate([panoramas, panoramas], axis=2).astype(np.float64)
-    sums = np.zeros((len(panoramas), n_azimuths))
-    for m in np.flatnonzero(window.any(axis=0)):
-        sums += np.einsum("e,nea->na", window[:, m], around[:, :, m : m + n_azimuths])
+    sums = np.zeros((len(panoramas), window.shape[1]))
+    kernels.slide_window(panoramas, window, sums)
     return sums

@@ -16,7 +16,7 @@ def quality_by_yaw(
     """Quality of the camera at each yaw [m^2 of surface seen once more as well as before].
 
     The score itself is FisherRF's: `sum_ik H_cand,ik / (H_train,ik + prior)`, `H_cand` foretold from the
-    training information (see `gain_field`). A Gaussian that is seen once more from where it was seen
+    training information (see `GainField`). A Gaussian that is seen once more from where it was seen
     once scores its number of parameters, so a square metre that holds `gaussians_per_m2` scores
     `8 gaussians_per_m2`: dividing by this turns scores into areas, comparable between maps of any density.
     """

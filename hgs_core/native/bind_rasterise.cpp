@@ -9,7 +9,7 @@
 #include <tuple>
 
 #include "bind.hpp"
-#include "rasterise.hpp"
+#include "variants.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -63,7 +63,7 @@ void render_sums(ConstRows parameters, ConstBounds bounds, CameraNumbers camera,
   require_same_image(colour, depth);
   require_same_image(colour, silhouette);
   const nb::gil_scoped_release release;
-  hgs::rasterise_kernels().forward(rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)),
+  hgs::variant_kernels().rasterise.forward(rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)),
                                    {colour.data(), depth.data(), silhouette.data()});
 }
 
@@ -73,7 +73,7 @@ void render_gradient(ConstRows parameters, ConstBounds bounds, CameraNumbers cam
   require_same_image(d_colour, d_silhouette);
   require(gradient.shape(0) == parameters.shape(0), "gradient needs a row for every Gaussian");
   const nb::gil_scoped_release release;
-  hgs::rasterise_kernels().backward(rows_of(parameters, bounds),
+  hgs::variant_kernels().rasterise.backward(rows_of(parameters, bounds),
                                     camera_of(camera, d_depth.shape(1), d_depth.shape(0)),
                                     {d_colour.data(), d_depth.data(), d_silhouette.data()}, gradient.data());
 }
@@ -91,7 +91,7 @@ std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
   for (int k = 0; k < hgs::N_PARAMETERS; ++k) adam.rates[k] = rates[k];
   const hgs::Target target{rgb.data(), depth.data(), weights[0], weights[1], weights[2]};
   const nb::gil_scoped_release release;
-  const hgs::LossSums loss = hgs::rasterise_kernels().optimise(
+  const hgs::LossSums loss = hgs::variant_kernels().rasterise.optimise(
       rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), target, adam);
   return {loss.total, loss.colour_l1, loss.depth_l1_m, loss.pixels, loss.covered};
 }
@@ -103,7 +103,7 @@ void add_information(ConstRows parameters, ConstBounds bounds, CameraNumbers cam
   require(!weight || weight->shape(0) == n, "weight needs a row for every Gaussian");
   require(width > 0 && height > 0, "the image is empty");
   const nb::gil_scoped_release release;
-  hgs::rasterise_kernels().information(rows_of(parameters, bounds), camera_of(camera, width, height),
+  hgs::variant_kernels().rasterise.information(rows_of(parameters, bounds), camera_of(camera, width, height),
                                        information.data(), weight ? weight->data() : nullptr);
 }
 
@@ -111,7 +111,7 @@ void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camer
                    Image image) {
   require(information.shape(0) == parameters.shape(0), "information needs a row for every Gaussian");
   const nb::gil_scoped_release release;
-  hgs::rasterise_kernels().quality_image(rows_of(parameters, bounds),
+  hgs::variant_kernels().rasterise.quality_image(rows_of(parameters, bounds),
                                          camera_of(camera, image.shape(1), image.shape(0)), information.data(), prior,
                                          image.data());
 }
@@ -119,8 +119,8 @@ void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camer
 }  // namespace
 
 void bind_rasterise(nb::module_& m) {
-  hgs::rasterise_kernels();  // a wrong HGS_KERNEL_VARIANT fails the import, not the first picture
-  m.def("variant", [] { return hgs::rasterise_kernels().name; }, "Instruction-set variant of the rasteriser.");
+  hgs::variant_kernels();  // a wrong HGS_KERNEL_VARIANT fails the import, not the first picture
+  m.def("variant", [] { return hgs::variant_kernels().name; }, "Instruction-set variant of the kernels.");
   m.def("render_sums", &render_sums, "parameters"_a, "block_bounds"_a, "camera"_a, "colour"_a, "depth"_a,
         "silhouette"_a);
   m.def("render_gradient", &render_gradient, "parameters"_a, "block_bounds"_a, "camera"_a, "d_colour"_a, "d_depth"_a,

@@ -17,75 +17,95 @@
 //
 // Rows are staggered within their bins by the golden ratio: directions spread evenly, and no voxel is missed by
 // all rows at once.
-#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "gain_kernels.hpp"
+#include "variants.hpp"
 
 namespace hgs {
 
 namespace {
 
-// Integral of min(1, (t / saturation)^2) over [t_0, t_1].
-double quality_length(double t_0, double t_1, double saturation) {
-  if (t_0 >= saturation) return t_1 - t_0;
-  const double t = std::min(t_1, saturation);
-  return (t * t * t - t_0 * t_0 * t_0) / (3.0 * saturation * saturation) + (t_1 - t);
-}
+// The rays of a panorama, column by column.
+struct Directions {
+  std::vector<float> dx, dy, dz, length;
+
+  explicit Directions(const Panorama& panorama) {
+    constexpr double kGolden = 0.6180339887498949;
+    const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
+    const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
+    for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
+      for (std::int64_t row = 0; row < panorama.n_elevation; ++row) {
+        const double stagger = kGolden * (row + 1);
+        const double phi = (azimuth + stagger - std::floor(stagger)) * d_phi - std::numbers::pi;
+        const double u = panorama.tan_low + (row + 0.5) * d_u;
+        dx.push_back(static_cast<float>(panorama.range * std::cos(phi)));
+        dy.push_back(static_cast<float>(panorama.range * std::sin(phi)));
+        dz.push_back(static_cast<float>(panorama.range * u));
+        length.push_back(static_cast<float>(panorama.range * std::sqrt(1.0 + u * u)));
+      }
+    }
+  }
+};
 
 }  // namespace
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
                      const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality) {
-  constexpr float kSurface = 0.6931f;  // stops half of the light over one edge length
-  constexpr double kGolden = 0.6180339887498949;
   const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
-  const double volume_scale = std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi;
-  const double quality_scale = panorama.range * d_u * d_phi;
-  const double saturation = panorama.saturation / panorama.range;
-  const double face_gap = panorama.face_gap / panorama.range;
-
-#pragma omp parallel for collapse(2) schedule(dynamic, 4)
-  for (std::int64_t n = 0; n < n_positions; ++n) {
-    for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
-      const Point from{positions[3 * n], positions[3 * n + 1], positions[3 * n + 2]};
-      for (std::int64_t row = 0; row < panorama.n_elevation; ++row) {
-        const double stagger = kGolden * (row + 1);
-        const double phi = (azimuth + stagger - std::floor(stagger)) * d_phi - std::numbers::pi;
-        const double u = panorama.tan_low + (row + 0.5) * d_u;
-        const Point to{from[0] + panorama.range * std::cos(phi), from[1] + panorama.range * std::sin(phi),
-                       from[2] + panorama.range * u};
-        const double length = panorama.range * std::sqrt(1.0 + u * u);
-        double t_first, t_last, volume = 0.0, voxels = 0.0, gained = 0.0;
-        if (clip_to_grid(grid, from, to, t_first, t_last)) {
-          double now = 1.0, before_face = 1.0, face_left = -1.0;
-          walk(grid, from, to, t_first, t_last, [&](const Cell& c, double t_0, double t_1) {
-            const PanoramaCell& cell = cells[grid.offset(c)];
-            const bool in_face = face_left >= 0.0 && t_0 - face_left <= face_gap;
-            if (!in_face) before_face = now;
-            if (before_face < panorama.opaque_below) return false;
-            if (now >= panorama.opaque_below && cell.unseen > 0.0f) {
-              volume += now * (t_1 * t_1 * t_1 - t_0 * t_0 * t_0);
-              voxels += now;
-            }
-            gained += before_face * cell.quality * quality_length(t_0, t_1, saturation);
-            if (cell.optical_depth > 0.0f) {
-              const bool opaque = std::isinf(cell.optical_depth);
-              now = opaque ? 0.0 : now * std::exp(-cell.optical_depth * (t_1 - t_0) * length);
-              if (cell.optical_depth >= kSurface) face_left = t_1;
-            }
-            return true;
-          });
+  const auto volume_scale = static_cast<float>(std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi);
+  const auto quality_scale = static_cast<float>(panorama.range * d_u * d_phi);
+  const PanoramaCells voxels{cells,
+                             {static_cast<std::int32_t>(grid.shape[0]), static_cast<std::int32_t>(grid.shape[1]),
+                              static_cast<std::int32_t>(grid.shape[2])}};
+  const Directions directions(panorama);
+  const std::int64_t n_rows = panorama.n_elevation;
+#pragma omp parallel
+  {
+    std::vector<float> column(static_cast<std::size_t>(3 * n_rows));
+    const PanoramaSums sums{column.data(), column.data() + n_rows, column.data() + 2 * n_rows};
+#pragma omp for collapse(2) schedule(dynamic, 8)
+    for (std::int64_t n = 0; n < n_positions; ++n) {
+      for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
+        const double* from = positions + 3 * n;
+        const std::int64_t ray = azimuth * n_rows;
+        const PanoramaRays rays{
+            {static_cast<float>(from[0]), static_cast<float>(from[1]), static_cast<float>(from[2])},
+            directions.dx.data() + ray, directions.dy.data() + ray, directions.dz.data() + ray,
+            directions.length.data() + ray, static_cast<int>(n_rows)};
+        variant_kernels().gain.march(voxels, rays, panorama, sums);
+        for (std::int64_t row = 0; row < n_rows; ++row) {
+          const std::int64_t bin = (n * n_rows + row) * panorama.n_azimuth + azimuth;
+          unseen_volume[bin] = sums.volume[row] * volume_scale;
+          unseen_voxels[bin] = sums.voxels[row];
+          quality[bin] = sums.quality[row] * quality_scale;
         }
-        const std::int64_t bin = (n * panorama.n_elevation + row) * panorama.n_azimuth + azimuth;
-        unseen_volume[bin] = static_cast<float>(volume * volume_scale);
-        unseen_voxels[bin] = static_cast<float>(voxels);
-        quality[bin] = static_cast<float>(gained * quality_scale);
       }
     }
   }
+}
+
+void slide_window(const float* panoramas, std::int64_t n, std::int64_t n_rows, std::int64_t n_azimuth,
+                  const double* window, double* sums) {
+#pragma omp parallel for schedule(static)
+  for (std::int64_t i = 0; i < n; ++i) {
+    double* own = sums + i * n_azimuth;
+    std::vector<double> around(static_cast<std::size_t>(2 * n_azimuth));
+    for (std::int64_t k = 0; k < n_azimuth; ++k) own[k] = 0.0;
+    for (std::int64_t row = 0; row < n_rows; ++row) {
+      const float* values = panoramas + (i * n_rows + row) * n_azimuth;
+      for (std::int64_t k = 0; k < n_azimuth; ++k) around[k] = around[k + n_azimuth] = values[k];
+      for (std::int64_t m = 0; m < n_azimuth; ++m) {
+        const double weight = window[row * n_azimuth + m];
+        if (weight == 0.0) continue;
+        const double* shifted = around.data() + m;
+        for (std::int64_t k = 0; k < n_azimuth; ++k) own[k] += weight * shifted[k];
+      }
+    }
   }
+}
 
 }  // namespace hgs

@@ -1,5 +1,5 @@
-// Splatting of isotropic Gaussians on the CPU: what goes in, what comes out, and the table of entry points that
-// every instruction-set variant fills.
+// Splatting of isotropic Gaussians on the CPU: what goes in, what comes out, and the entry points that
+// every instruction-set variant provides.
 //
 //   p = R c + t                      centre in the camera frame [m], z = p_z
 //   u = fx p_x / z + cx              screen position [px]; v likewise
@@ -76,7 +76,6 @@ struct LossSums {
 };
 
 struct RasteriseKernels {
-  const char* name;
   void (*forward)(const GaussianRows&, const PinholeCamera&, const ImageSums&);
   // Adds to `gradient` (n, 8).
   void (*backward)(const GaussianRows&, const PinholeCamera&, const ImageGradients&, float* gradient);
@@ -85,9 +84,5 @@ struct RasteriseKernels {
   void (*information)(const GaussianRows&, const PinholeCamera&, float* information, float* weight);
   void (*quality_image)(const GaussianRows&, const PinholeCamera&, const float* information, float prior, float* image);
 };
-
-// The variant chosen for this processor, or by HGS_KERNEL_VARIANT. Throws std::runtime_error when the
-// variable names one that does not exist or that the processor cannot run.
-const RasteriseKernels& rasterise_kernels();
 
 }  // namespace hgs

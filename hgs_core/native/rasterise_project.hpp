@@ -6,9 +6,6 @@
 
 namespace hgs::HGS_VARIANT {
 
-HGS_INLINE VInt to_int(VFloat a) { return __builtin_convertvector(a, VInt); }  // towards zero
-HGS_INLINE VFloat to_float(VInt a) { return __builtin_convertvector(a, VFloat); }
-
 struct LaneSpans {
   VInt x, y, mask, count;
 };

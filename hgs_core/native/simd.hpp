@@ -26,11 +26,14 @@ typedef std::int32_t VInt __attribute__((vector_size(4 * LANES)));
 typedef float VFloat8 __attribute__((vector_size(32), aligned(4), may_alias));
 typedef float VFloatMemory __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
+typedef std::int32_t VIntMemory __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+
 #define HGS_INLINE inline __attribute__((always_inline))
 #define HGS_LAMBDA __attribute__((always_inline))
 
 HGS_INLINE VFloat load(const float* p) { return *reinterpret_cast<const VFloatMemory*>(p); }
 HGS_INLINE void store(float* p, VFloat v) { *reinterpret_cast<VFloatMemory*>(p) = v; }
+HGS_INLINE void store(std::int32_t* p, VInt v) { *reinterpret_cast<VIntMemory*>(p) = v; }
 HGS_INLINE VFloat splat_all(float s) { return s - VFloat{}; }
 
 HGS_INLINE VFloat vmin(VFloat a, VFloat b) {
@@ -75,6 +78,22 @@ HGS_INLINE VFloat inverse(VFloat a) {
 #endif
 }
 
+// base[index] in the lanes of the mask, 0 in the others.
+HGS_INLINE VFloat gather(const float* base, VInt index, VInt mask) {
+#if defined(__AVX512F__)
+  const __mmask16 lanes = _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask);
+  return _mm512_mask_i32gather_ps(_mm512_setzero_ps(), lanes, (__m512i)index, base, 4);
+#elif defined(__AVX2__)
+  return _mm256_mask_i32gather_ps(_mm256_setzero_ps(), base, (__m256i)index, (__m256)mask, 4);
+#else
+  VFloat values{};
+  for (int i = 0; i < LANES; ++i) {
+    if (mask[i] != 0) values[i] = base[index[i]];
+  }
+  return values;
+#endif
+}
+
 HGS_INLINE bool any(VInt mask) {
 #if defined(__AVX512F__)
   return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask) != 0;
@@ -85,6 +104,13 @@ HGS_INLINE bool any(VInt mask) {
   for (int i = 0; i < LANES; ++i) either |= mask[i];
   return either != 0;
 #endif
+}
+
+HGS_INLINE VInt to_int(VFloat a) { return __builtin_convertvector(a, VInt); }  // towards zero
+HGS_INLINE VFloat to_float(VInt a) { return __builtin_convertvector(a, VFloat); }
+HGS_INLINE VInt to_cell(VFloat a) {  // towards minus infinity
+  const VInt whole = to_int(a);
+  return whole + (to_float(whole) > a);  // a true comparison is -1
 }
 
 // 2^x, relative error below 2e-7; x is clamped to [-126, 126].

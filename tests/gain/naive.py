@@ -84,8 +84,9 @@ def gathered(
     weight = gaussians.information_weight[: gaussians.size].astype(float)
     bare = np.pi * (gaussians.opacities * gaussians.radii_m.astype(float) * focal) ** 2
     colour = information[:, 3:6].mean(axis=1)
-    possible = (weight * bare)[rows].sum()
-    share = colour[rows].sum() / possible if possible else 0.0
+    there = gaussians.opacities >= 0.005  # from everywhere in the map
+    possible = (weight * bare)[there].sum()
+    share = colour[there].sum() / possible if possible else 0.0
     for i in rows:
         cell = tuple(cells[i])
         depth[cell] += gaussians.opacities[i] * 2 * np.pi * gaussians.radii_m[i] ** 2 / size_m**2

@@ -3,19 +3,19 @@
 #include <stdexcept>
 #include <string>
 
-#include "rasterise.hpp"
+#include "variants.hpp"
 
 namespace hgs {
 
-extern const RasteriseKernels KERNELS_PORTABLE;
+extern const VariantKernels KERNELS_PORTABLE;
 #if defined(__x86_64__)
-extern const RasteriseKernels KERNELS_AVX2;
-extern const RasteriseKernels KERNELS_AVX512;
+extern const VariantKernels KERNELS_AVX2;
+extern const VariantKernels KERNELS_AVX512;
 #endif
 
 namespace {
 
-const RasteriseKernels& choose() {
+const VariantKernels& choose() {
 #if defined(__x86_64__)
   __builtin_cpu_init();
   const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
@@ -42,8 +42,8 @@ const RasteriseKernels& choose() {
 
 }  // namespace
 
-const RasteriseKernels& rasterise_kernels() {
-  static const RasteriseKernels& chosen = choose();
+const VariantKernels& variant_kernels() {
+  static const VariantKernels& chosen = choose();
   return chosen;
 }
 

@@ -1,0 +1,43 @@
+// Panoramas: what a viewpoint sees in every direction. The inner loop is what every instruction-set variant provides.
+#pragma once
+#include <cstdint>
+
+namespace hgs {
+
+// What one voxel means to a ray: its optical depth over one edge length (infinite where nothing passes); whether
+// seeing it is a gain; and the quality Q_v of its Gaussians.
+struct PanoramaCell {
+  float optical_depth = 0.0f, unseen = 0.0f, quality = 0.0f;
+};
+
+struct PanoramaCells {
+  const PanoramaCell* cells;
+  std::int32_t shape[3];
+};
+
+struct Panorama {
+  std::int64_t n_azimuth, n_elevation;
+  double tan_low, tan_high;  // of the elevations at the lower and upper edge
+  double range;              // horizontal, in cells
+  double opaque_below;       // a ray ends where less than this is left of it
+  double saturation;         // nearer than this, quality gains no more; horizontal, in cells; 0 = never
+  double face_gap;           // a surface's voxels may lie so far apart along a ray and still be one face, in cells
+};
+
+// Rays from one place, each to `range` of horizontal distance.
+struct PanoramaRays {
+  float from[3];                // in cells
+  const float *dx, *dy, *dz;    // to their ends, in cells
+  const float* length;          // in cells
+  int n;
+};
+
+// Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, their number weighted with T, and
+// the integral of T' Q dt.
+struct PanoramaSums {
+  float *volume, *voxels, *quality;
+};
+
+using MarchRays = void (*)(const PanoramaCells&, const PanoramaRays&, const Panorama&, const PanoramaSums&);
+
+}  // namespace hgs

@@ -1,0 +1,16 @@
+#define HGS_VARIANT avx2
+#include "gain_rows_variant.hpp"
+#include "multiply_add_variant.hpp"
+#include "panorama_variant.hpp"
+#include "rasterise_variant.hpp"
+#include "variants.hpp"
+
+namespace hgs {
+extern const VariantKernels KERNELS_AVX2;
+const VariantKernels KERNELS_AVX2 = {
+    "avx2",
+    {avx2::forward, avx2::backward, avx2::optimise, avx2::information, avx2::quality_image},
+    {avx2::gather_rows, avx2::information_sums, avx2::march_rays},
+    avx2::multiply_add,
+};
+}  // namespace hgs

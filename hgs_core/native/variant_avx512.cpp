@@ -1,0 +1,16 @@
+#define HGS_VARIANT avx512
+#include "gain_rows_variant.hpp"
+#include "multiply_add_variant.hpp"
+#include "panorama_variant.hpp"
+#include "rasterise_variant.hpp"
+#include "variants.hpp"
+
+namespace hgs {
+extern const VariantKernels KERNELS_AVX512;
+const VariantKernels KERNELS_AVX512 = {
+    "avx512",
+    {avx512::forward, avx512::backward, avx512::optimise, avx512::information, avx512::quality_image},
+    {avx512::gather_rows, avx512::information_sums, avx512::march_rays},
+    avx512::multiply_add,
+};
+}  // namespace hgs

@@ -1,0 +1,16 @@
+#define HGS_VARIANT portable
+#include "gain_rows_variant.hpp"
+#include "multiply_add_variant.hpp"
+#include "panorama_variant.hpp"
+#include "rasterise_variant.hpp"
+#include "variants.hpp"
+
+namespace hgs {
+extern const VariantKernels KERNELS_PORTABLE;
+const VariantKernels KERNELS_PORTABLE = {
+    "portable",
+    {portable::forward, portable::backward, portable::optimise, portable::information, portable::quality_image},
+    {portable::gather_rows, portable::information_sums, portable::march_rays},
+    portable::multiply_add,
+};
+}  // namespace hgs

@@ -1,0 +1,28 @@
+// What is compiled once per instruction set: the table of entry points that every variant fills.
+#pragma once
+#include "gain_rows.hpp"
+#include "panorama.hpp"
+#include "rasterise.hpp"
+
+namespace hgs {
+
+struct GainKernels {
+  GatherRows gather;
+  SumInformation information_sums;
+  MarchRays march;
+};
+
+struct VariantKernels {
+  const char* name;
+  RasteriseKernels rasterise;
+  GainKernels gain;
+  // Runs `rounds` rounds of independent multiply-adds on registers; returns how many floating-point operations
+  // that were. What the processor can do at most, for benchmarks.
+  double (*multiply_add)(std::int64_t rounds);
+};
+
+// The variant chosen for this processor, or by HGS_KERNEL_VARIANT. Throws std::runtime_error when the
+// variable names one that does not exist or that the processor cannot run.
+const VariantKernels& variant_kernels();
+
+}  // namespace hgs
