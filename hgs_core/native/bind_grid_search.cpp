@@ -1,6 +1,7 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -40,6 +41,13 @@ void check_same_shape(size_t nx, size_t ny, size_t mx, size_t my) {
   if (nx != mx || ny != my) throw std::invalid_argument("grids differ in shape");
 }
 
+hgs::FloorGrid floor_of(const Grid<uint8_t>& blocked, const Grid<float>& clearance, const Grid<float>& soft_cost) {
+  check_same_shape(blocked.shape(0), blocked.shape(1), clearance.shape(0), clearance.shape(1));
+  check_same_shape(blocked.shape(0), blocked.shape(1), soft_cost.shape(0), soft_cost.shape(1));
+  return {blocked.data(), clearance.data(), soft_cost.data(), static_cast<int>(blocked.shape(0)),
+          static_cast<int>(blocked.shape(1))};
+}
+
 }  // namespace
 
 void bind_grid_search(nb::module_& m) {
@@ -54,7 +62,7 @@ void bind_grid_search(nb::module_& m) {
         auto parent = std::make_unique<int32_t[]>(n_cells);
         {
           nb::gil_scoped_release release;
-          hgs::grid_dijkstra(view(cost), seeds.data(), seed_costs.data(), static_cast<int>(seeds.shape(0)), nullptr, 0,
+          hgs::grid_dijkstra(view(cost), seeds.data(), seed_costs.data(), static_cast<int>(seeds.shape(0)),
                              distance.get(), parent.get());
         }
         return std::make_tuple(owned(std::move(distance), shape), owned(std::move(parent), shape));
@@ -114,22 +122,56 @@ void bind_grid_search(nb::module_& m) {
       "grid_segments",
       [](Grid<uint8_t> blocked, Grid<float> clearance, Grid<float> soft_cost, Grid<double> segments, double step,
          double cap) {
-        check_same_shape(blocked.shape(0), blocked.shape(1), clearance.shape(0), clearance.shape(1));
-        check_same_shape(blocked.shape(0), blocked.shape(1), soft_cost.shape(0), soft_cost.shape(1));
+        const hgs::FloorGrid floor = floor_of(blocked, clearance, soft_cost);
         if (segments.shape(1) != 4) throw std::invalid_argument("a segment is x0, y0, x1, y1");
         const size_t shape[1] = {segments.shape(0)};
         auto least = std::make_unique<double[]>(shape[0]);
         auto cost = std::make_unique<double[]>(shape[0]);
         {
           nb::gil_scoped_release release;
-          hgs::grid_segments(blocked.data(), clearance.data(), soft_cost.data(), static_cast<int>(blocked.shape(0)),
-                             static_cast<int>(blocked.shape(1)), segments.data(), static_cast<int>(shape[0]), step, cap,
-                             least.get(), cost.get());
+          hgs::grid_segments(floor, segments.data(), static_cast<int>(shape[0]), step, cap, least.get(), cost.get());
         }
         return std::make_tuple(owned(std::move(least), shape), owned(std::move(cost), shape));
       },
       nb::arg("blocked"), nb::arg("clearance"), nb::arg("soft_cost"), nb::arg("segments"), nb::arg("step"),
       nb::arg("cap"), "Least clearance and cost integral of straight segments [cells].");
+
+  m.def(
+      "grid_straighten",
+      [](Grid<uint8_t> blocked, Grid<float> clearance, Grid<float> soft_cost, Grid<double> points, double step,
+         double cap, double wanted_clearance, double cost_factor) {
+        const hgs::FloorGrid floor = floor_of(blocked, clearance, soft_cost);
+        if (points.shape(1) != 2) throw std::invalid_argument("a point is x, y");
+        const size_t n = points.shape(0);
+        auto kept = std::make_unique<int32_t[]>(n);
+        size_t n_kept = 0;
+        {
+          nb::gil_scoped_release release;
+          n_kept = static_cast<size_t>(hgs::grid_straighten(floor, points.data(), static_cast<int>(n), step, cap,
+                                                            wanted_clearance, cost_factor, kept.get()));
+        }
+        return owned(std::move(kept), {n_kept});
+      },
+      nb::arg("blocked"), nb::arg("clearance"), nb::arg("soft_cost"), nb::arg("points"), nb::arg("step"),
+      nb::arg("cap"), nb::arg("wanted_clearance"), nb::arg("cost_factor"),
+      "Indices of a polyline's points [cells] that are left when straight lines replace runs of it.");
+
+  m.def(
+      "throw_darts",
+      [](Grid<double> points, Vector<int64_t> order, Grid<double> taken, double spacing, int64_t limit) {
+        const size_t n = points.shape(0);
+        if (points.shape(1) != 2 || taken.shape(1) != 2) throw std::invalid_argument("a point is x, y");
+        if (order.shape(0) != n || limit < 0) throw std::invalid_argument("one place in the order a point");
+        for (size_t k = 0; k < n; ++k)
+          if (order.data()[k] < 0 || static_cast<size_t>(order.data()[k]) >= n) throw std::out_of_range("order");
+        auto chosen = std::make_unique<int64_t[]>(n);
+        const int n_chosen = hgs::throw_darts(points.data(), order.data(), static_cast<int>(n), taken.data(),
+                                              static_cast<int>(taken.shape(0)), spacing,
+                                              static_cast<int>(std::min<int64_t>(limit, n)), chosen.get());
+        return owned(std::move(chosen), {static_cast<size_t>(n_chosen)});
+      },
+      nb::arg("points"), nb::arg("order"), nb::arg("taken"), nb::arg("spacing"), nb::arg("limit"),
+      "Indices of points at least a spacing apart, taken in the given order.");
 
   m.def(
       "open_tour",

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "bind.hpp"
+#include "floor_layer.hpp"
 #include "variants.hpp"
 
 namespace nb = nanobind;
@@ -116,6 +117,16 @@ void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camer
                                          image.data());
 }
 
+void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float high, float min_logit_opacity,
+                    std::array<double, 2> lower, double cell,
+                    nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> counts) {
+  const nb::gil_scoped_release release;
+  hgs::count_in_layer(rows_of(parameters, bounds),
+                      {low, high, min_logit_opacity, {lower[0], lower[1]}, cell,
+                       static_cast<std::int64_t>(counts.shape(0)), static_cast<std::int64_t>(counts.shape(1))},
+                      counts.data());
+}
+
 }  // namespace
 
 void bind_rasterise(nb::module_& m) {
@@ -132,4 +143,7 @@ void bind_rasterise(nb::module_& m) {
         "information"_a, "weight"_a.none());
   m.def("quality_image", &quality_image, "parameters"_a, "block_bounds"_a, "camera"_a, "information"_a, "prior"_a,
         "image"_a);
+  m.def("count_in_layer", &count_in_layer, "parameters"_a, "block_bounds"_a, "low"_a, "high"_a,
+        "min_logit_opacity"_a, "lower"_a, "cell"_a, "counts"_a,
+        "Count the Gaussians of a layer above the floor by the cells of a floor plan.");
 }

@@ -1,3 +1,7 @@
+#include <nanobind/stl/array.h>
+
+#include <array>
+
 #include "bind.hpp"
 #include "voxel_kernels.hpp"
 
@@ -61,6 +65,21 @@ void missing_voxels(Volume<const std::uint8_t> states, Volume<const std::uint8_t
   hgs::missing_voxels(grid_of(states), states.data(), attempts.data(), max_attempts, min_cluster, missing.data());
 }
 
+void count_in_columns(Volume<const std::uint8_t> values, std::array<std::int64_t, 3> low,
+                      std::array<std::int64_t, 3> high, Volume<std::int32_t> counts) {
+  for (std::size_t a = 0; a < 3; ++a) {
+    if (low[a] < 0 || high[a] < low[a] || high[a] > static_cast<std::int64_t>(values.shape(a))) {
+      throw nb::value_error("the box does not lie in the map");
+    }
+  }
+  if (static_cast<std::int64_t>(counts.shape(0)) != high[0] - low[0] ||
+      static_cast<std::int64_t>(counts.shape(1)) != high[1] - low[1] || counts.shape(2) != 3) {
+    throw nb::value_error("counts needs the box's shape in columns, times 3");
+  }
+  const nb::gil_scoped_release unlocked;
+  hgs::count_in_columns(grid_of(values), values.data(), low, high, counts.data());
+}
+
 }  // namespace
 
 void bind_voxels(nb::module_& m) {
@@ -72,4 +91,6 @@ void bind_voxels(nb::module_& m) {
         "Count looks in vain at unobserved voxels; the position in cells. Returns how many.");
   m.def("missing_voxels", &missing_voxels, "states"_a, "attempts"_a, "max_attempts"_a, "min_cluster"_a, "missing"_a,
         "Mark the missing voxels.");
+  m.def("count_in_columns", &count_in_columns, "values"_a, "low"_a, "high"_a, "counts"_a,
+        "Count the voxels of each column of a box that hold 0, 1 and 2.");
 }

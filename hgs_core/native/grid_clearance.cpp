@@ -4,6 +4,8 @@
 // outside the grid is blocked, so the distance to the grid's border bounds it, too.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <vector>
 
 #include "grid_kernels.hpp"
 
@@ -57,36 +59,88 @@ void grid_box_clearance(const uint8_t* blocked, int nx, int ny, float cap, float
     }
 }
 
-void grid_segments(const uint8_t* blocked, const float* clearance, const float* soft_cost, int nx, int ny,
-                   const double* segments, int n_segments, double step, double cap, double* least_clearance,
-                   double* cost) {
-  for (int s = 0; s < n_segments; ++s) {
-    const double* seg = segments + static_cast<size_t>(s) * 4;
-    const double dx = seg[2] - seg[0];
-    const double dy = seg[3] - seg[1];
-    const double length = std::sqrt(dx * dx + dy * dy);
-    const int n = std::max(1, static_cast<int>(std::ceil(length / step)));
-    double least = cap;
-    double total = 0.0;
-    for (int k = 0; k <= n; ++k) {
-      const double t = static_cast<double>(k) / n;
-      const double x = seg[0] + t * dx;
-      const double y = seg[1] + t * dy;
-      if (!(x >= 0 && y >= 0 && x < nx && y < ny)) {
-        least = 0.0;
-        continue;
-      }
+namespace {
+
+struct SegmentSum {
+  double least_clearance, cost;
+};
+
+// Samples a segment; gives up once the clearance falls below `least_allowed` or the cost exceeds `most_allowed` (what
+// is returned then lies beyond that bound, too).
+SegmentSum along_segment(const FloorGrid& floor, const double* seg, double step, double cap, double least_allowed,
+                         double most_allowed) {
+  const int nx = floor.nx, ny = floor.ny;
+  const double dx = seg[2] - seg[0];
+  const double dy = seg[3] - seg[1];
+  const double length = std::sqrt(dx * dx + dy * dy);
+  const int n = std::max(1, static_cast<int>(std::ceil(length / step)));
+  double least = cap;
+  double total = 0.0;
+  for (int k = 0; k <= n; ++k) {
+    const double t = static_cast<double>(k) / n;
+    const double x = seg[0] + t * dx;
+    const double y = seg[1] + t * dy;
+    if (!(x >= 0 && y >= 0 && x < nx && y < ny)) {
+      least = 0.0;
+    } else {
       const int i = static_cast<int>(x);
       const int j = static_cast<int>(y);
       const size_t cell = static_cast<size_t>(i) * ny + j;
-      total += (k == 0 || k == n ? 0.5 : 1.0) * soft_cost[cell];
+      total += (k == 0 || k == n ? 0.5 : 1.0) * floor.soft_cost[cell];
       // Clearance is 1-Lipschitz: the field at the cell's centre bounds it from below, so most samples end here.
-      const double bound = clearance[cell] - std::hypot(x - (i + 0.5), y - (j + 0.5));
-      if (bound < least) least = lower_by_boxes(blocked, nx, ny, x, y, least);
+      const double bound = floor.clearance[cell] - std::hypot(x - (i + 0.5), y - (j + 0.5));
+      if (bound < least) least = lower_by_boxes(floor.blocked, nx, ny, x, y, least);
     }
-    least_clearance[s] = least;
-    cost[s] = total * length / n;
+    if (least < least_allowed || total * length / n > most_allowed) break;
   }
+  return {least, total * length / n};
+}
+
+}  // namespace
+
+void grid_segments(const FloorGrid& floor, const double* segments, int n_segments, double step, double cap,
+                   double* least_clearance, double* cost) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (int s = 0; s < n_segments; ++s) {
+    const SegmentSum sum = along_segment(floor, segments + static_cast<size_t>(s) * 4, step, cap, -kInfinity, kInfinity);
+    least_clearance[s] = sum.least_clearance;
+    cost[s] = sum.cost;
+  }
+}
+
+int grid_straighten(const FloorGrid& floor, const double* points, int n_points, double step, double cap,
+                    double wanted_clearance, double cost_factor, int32_t* kept) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  constexpr double kTolerance = 1e-6;
+  std::vector<double> clear(n_points), total(n_points, 0.0), run_clear(n_points);
+  const auto segment = [&](int a, int b, double least, double most) {
+    const double seg[4] = {points[2 * a], points[2 * a + 1], points[2 * b], points[2 * b + 1]};
+    return along_segment(floor, seg, step, cap, least, most);
+  };
+  for (int k = 0; k + 1 < n_points; ++k) {
+    const SegmentSum sum = segment(k, k + 1, -kInfinity, kInfinity);
+    clear[k] = sum.least_clearance;
+    total[k + 1] = total[k] + sum.cost;
+  }
+  int n_kept = 0;
+  for (int i = 0; i < n_points;) {
+    kept[n_kept++] = i;
+    if (i == n_points - 1) break;
+    run_clear[i] = kInfinity;
+    for (int j = i + 1; j < n_points; ++j) run_clear[j] = std::min(run_clear[j - 1], clear[j - 1]);
+    int next = i + 1;
+    for (int j = n_points - 1; j > i + 1; --j) {
+      const double least = std::min(wanted_clearance, run_clear[j]) - kTolerance;
+      const double most = cost_factor * (total[j] - total[i]);
+      const SegmentSum line = segment(i, j, least, most);
+      if (line.least_clearance >= least && line.cost <= most) {
+        next = j;
+        break;
+      }
+    }
+    i = next;
+  }
+  return n_kept;
 }
 
 }  // namespace hgs

@@ -16,9 +16,9 @@ struct CostGrid {
 
 // One-to-all Dijkstra from `n_seeds` cells with initial costs. 8-connected; a step costs its length times the
 // mean cost of its two cells; a diagonal step needs both cells beside it passable. `distance` is +inf and
-// `parent` -1 where unreached; a seed is its own parent. Stops early once `n_targets` (> 0) are settled.
-void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
-                   const int32_t* targets, int n_targets, double* distance, int32_t* parent);
+// `parent` -1 where unreached; a seed is its own parent.
+void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds, double* distance,
+                   int32_t* parent);
 
 // Point-to-point A* under the same rules; the heuristic is the octile distance times the lowest cost.
 // Writes the cells from start to goal to `path` (room for nx * ny) and returns their number, 0 if none.
@@ -31,12 +31,30 @@ void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* di
 // 0 in blocked cells.
 void grid_box_clearance(const uint8_t* blocked, int nx, int ny, float cap, float* clearance);
 
-// For each segment (x0, y0, x1, y1): the least distance to a blocked box (at most `cap`) and the integral of
-// `soft_cost`, sampled every `step` or less, both ends included. `clearance` is grid_box_clearance's result for
-// the same grid with the same cap.
-void grid_segments(const uint8_t* blocked, const float* clearance, const float* soft_cost, int nx, int ny,
-                   const double* segments, int n_segments, double step, double cap, double* least_clearance,
-                   double* cost);
+// A floor plan: which cells are blocked, grid_box_clearance's result for it, and the cost per unit length.
+struct FloorGrid {
+  const uint8_t* blocked;
+  const float* clearance;
+  const float* soft_cost;
+  int nx;
+  int ny;
+};
+
+// For each segment (x0, y0, x1, y1): the least distance to a blocked box (at most `cap`, the one of `clearance`) and
+// the integral of `soft_cost`, sampled every `step` or less, both ends included.
+void grid_segments(const FloorGrid& floor, const double* segments, int n_segments, double step, double cap,
+                   double* least_clearance, double* cost);
+
+// Replaces runs of a polyline by straight lines, from its start always the longest run that a line may replace: the
+// line keeps `wanted_clearance`, or what the run itself keeps where that is less, and costs at most `cost_factor`
+// times as much. Writes the indices of the points that are left (room for n_points) and returns their number.
+int grid_straighten(const FloorGrid& floor, const double* points, int n_points, double step, double cap,
+                    double wanted_clearance, double cost_factor, int32_t* kept);
+
+// Darts thrown at points in the given order: indices of those at least `spacing` from each other and from the taken
+// ones, at most `limit` (room for that many). Returns their number.
+int throw_darts(const double* points, const int64_t* order, int n_points, const double* taken, int n_taken,
+                double spacing, int limit, int64_t* chosen);
 
 // Shortest open tour through n nodes that begins at node 0 and, when `fixed_end` >= 0, ends there. `cost` is
 // n x n, may be asymmetric. Exact (Held-Karp) up to 11 further nodes, else multi-start 2-opt and Or-opt.

@@ -44,44 +44,119 @@ inline void for_each_step(const CostGrid& grid, int32_t cell, const Visit& visit
 
 }  // namespace
 
-void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
-                   const int32_t* targets, int n_targets, double* distance, int32_t* parent) {
-  const int32_t n_cells = grid.nx * grid.ny;
-  std::fill(distance, distance + n_cells, kInfinity);
-  std::fill(parent, parent + n_cells, -1);
-  Queue queue;
+namespace {
+
+// A grid with an impassable border of one cell, so that no step needs a test of its bounds; impassable cells cost 0.
+struct PaddedGrid {
+  int nx, ny;  // with the border
+  float lowest = std::numeric_limits<float>::infinity(), highest = 0.0f;
+  std::vector<float> cost;
+
+  explicit PaddedGrid(const CostGrid& grid)
+      : nx(grid.nx + 2), ny(grid.ny + 2), cost(static_cast<size_t>(nx) * static_cast<size_t>(ny), 0.0f) {
+    for (int x = 0; x < grid.nx; ++x) {
+      for (int y = 0; y < grid.ny; ++y) {
+        if (!passable(grid, x, y)) continue;
+        const float c = grid.cost[static_cast<size_t>(x) * grid.ny + y];
+        cost[static_cast<size_t>(cell(x, y))] = c;
+        lowest = std::min(lowest, c);
+        highest = std::max(highest, c);
+      }
+    }
+  }
+  int32_t cell(int x, int y) const { return (x + 1) * ny + y + 1; }
+};
+
+// Cells by distance, for steps of at least `width`: nothing that leaves the lowest bucket can return to it, so all
+// that lies in it is final and its order does not matter (Dial, 1969).
+class BucketQueue {
+ public:
+  BucketQueue(double width, double longest_step)
+      : width_(width), buckets_(static_cast<size_t>(longest_step / width) + 3) {}
+
+  void push(double distance, int32_t cell) {
+    buckets_[static_cast<size_t>(distance / width_) % buckets_.size()].push_back(cell);
+    ++size_;
+  }
+  // Moves on to the lowest bucket that holds anything; null when none does.
+  std::vector<int32_t>* lowest() {
+    if (size_ == 0) return nullptr;
+    while (buckets_[at_ % buckets_.size()].empty()) ++at_;
+    return &buckets_[at_ % buckets_.size()];
+  }
+  void clear(std::vector<int32_t>& bucket) {
+    size_ -= bucket.size();
+    bucket.clear();
+  }
+
+ private:
+  double width_;
+  std::vector<std::vector<int32_t>> buckets_;
+  size_t size_ = 0, at_ = 0;
+};
+
+// Distances and parents over the padded grid. Stops once all of `n_wanted` (> 0) distinct wanted cells are settled.
+void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
+            const std::vector<uint8_t>& wanted, int n_wanted, std::vector<double>& distance,
+            std::vector<int32_t>& parent) {
+  constexpr double kRounding = 0.999;  // keeps a shortest step out of its own bucket
+  distance.assign(grid.cost.size(), kInfinity);
+  parent.assign(grid.cost.size(), -1);
+  std::vector<uint8_t> settled(grid.cost.size(), 0);
+  double farthest_seed = 0.0;
+  for (int s = 0; s < n_seeds; ++s) farthest_seed = std::max(farthest_seed, seed_costs[s]);
+  BucketQueue queue(kRounding * grid.lowest, std::sqrt(2.0) * grid.highest + farthest_seed);
   for (int s = 0; s < n_seeds; ++s) {
     const int32_t cell = seeds[s];
-    if (!passable(grid, cell / grid.ny, cell % grid.ny) || seed_costs[s] >= distance[cell]) continue;
+    if (grid.cost[cell] == 0.0f || seed_costs[s] >= distance[cell]) continue;
     distance[cell] = seed_costs[s];
     parent[cell] = cell;
-    queue.emplace(seed_costs[s], cell);
+    queue.push(seed_costs[s], cell);
   }
-  std::vector<uint8_t> wanted;
-  int left = 0;
-  if (n_targets > 0) {
-    wanted.assign(n_cells, 0);
-    for (int t = 0; t < n_targets; ++t) {
-      left += wanted[targets[t]] == 0;
-      wanted[targets[t]] = 1;
-    }
-  }
-  while (!queue.empty()) {
-    const auto [d, cell] = queue.top();
-    queue.pop();
-    if (d > distance[cell]) continue;
-    if (n_targets > 0 && wanted[cell]) {
-      wanted[cell] = 0;
-      if (--left == 0) break;
-    }
-    for_each_step(grid, cell, [&, base = d, from = cell](int32_t next, double step) {
-      const double candidate = base + step;
-      if (candidate < distance[next]) {
-        distance[next] = candidate;
-        parent[next] = from;
-        queue.emplace(candidate, next);
+  const int32_t dx = grid.ny;
+  const int32_t straight[4] = {dx, -dx, 1, -1};
+  const int32_t diagonal[4][3] = {{dx + 1, dx, 1}, {dx - 1, dx, -1}, {-dx + 1, -dx, 1}, {-dx - 1, -dx, -1}};
+  const auto relax = [&](int32_t from, int32_t next, double length) {
+    const double candidate = distance[from] + length * 0.5 * (static_cast<double>(grid.cost[from]) + grid.cost[next]);
+    if (candidate >= distance[next]) return;
+    distance[next] = candidate;
+    parent[next] = from;
+    queue.push(candidate, next);
+  };
+  while (std::vector<int32_t>* bucket = queue.lowest()) {
+    for (size_t k = 0; k < bucket->size(); ++k) {
+      const int32_t cell = (*bucket)[k];
+      if (settled[cell]) continue;
+      settled[cell] = 1;
+      if (n_wanted > 0 && wanted[cell] && --n_wanted == 0) return;
+      for (const int32_t step : straight) {
+        if (grid.cost[cell + step] > 0.0f) relax(cell, cell + step, 1.0);
       }
-    });
+      for (const int32_t* step : diagonal) {
+        if (grid.cost[cell + step[0]] > 0.0f && grid.cost[cell + step[1]] > 0.0f && grid.cost[cell + step[2]] > 0.0f) {
+          relax(cell, cell + step[0], std::sqrt(2.0));
+        }
+      }
+    }
+    queue.clear(*bucket);
+  }
+}
+
+}  // namespace
+
+void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds, double* distance,
+                   int32_t* parent) {
+  const PaddedGrid padded(grid);
+  const auto inside = [&](int32_t cell) { return padded.cell(cell / grid.ny, cell % grid.ny); };
+  std::vector<int32_t> padded_seeds;
+  for (int s = 0; s < n_seeds; ++s) padded_seeds.push_back(inside(seeds[s]));
+  std::vector<double> all_distances;
+  std::vector<int32_t> all_parents;
+  search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, all_distances, all_parents);
+  for (int32_t cell = 0; cell < grid.nx * grid.ny; ++cell) {
+    const int32_t from = inside(cell), before = all_parents[from];
+    distance[cell] = all_distances[from];
+    parent[cell] = before < 0 ? -1 : (before / padded.ny - 1) * grid.ny + before % padded.ny - 1;
   }
 }
 
@@ -131,16 +206,27 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
 }
 
 void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* distance) {
-  const size_t n_cells = static_cast<size_t>(grid.nx) * grid.ny;
+  const PaddedGrid padded(grid);
+  std::vector<int32_t> places;
+  for (int a = 0; a < n; ++a) places.push_back(padded.cell(cells[a] / grid.ny, cells[a] % grid.ny));
 #pragma omp parallel
   {
-    std::vector<double> field(n_cells);
-    std::vector<int32_t> parent(n_cells);
+    std::vector<double> field;
+    std::vector<int32_t> parent;
+    std::vector<uint8_t> wanted(padded.cost.size(), 0);
 #pragma omp for schedule(dynamic, 1)
-    for (int a = 0; a < n; ++a) {
+    for (int a = 0; a < n; ++a) {  // costs are the same both ways: each search looks for those after it
+      int n_wanted = 0;
+      for (int b = a; b < n; ++b) {
+        n_wanted += wanted[places[b]] == 0;
+        wanted[places[b]] = 1;
+      }
       const double zero = 0.0;
-      grid_dijkstra(grid, cells + a, &zero, 1, cells, n, field.data(), parent.data());
-      for (int b = 0; b < n; ++b) distance[static_cast<size_t>(a) * n + b] = field[cells[b]];
+      search(padded, &places[a], &zero, 1, wanted, n_wanted, field, parent);
+      for (int b = a; b < n; ++b) {
+        wanted[places[b]] = 0;
+        distance[static_cast<size_t>(a) * n + b] = distance[static_cast<size_t>(b) * n + a] = field[places[b]];
+      }
     }
   }
 }

@@ -30,4 +30,8 @@ std::int64_t count_attempts(const Grid& grid, const std::uint8_t* states, std::u
 void missing_voxels(const Grid& grid, const std::uint8_t* states, const std::uint8_t* attempts,
                     std::uint8_t max_attempts, std::int64_t min_cluster, bool* missing);
 
+// How many voxels of each column of the box [low, high) hold 0, 1 and 2: counts (nx, ny, 3).
+void count_in_columns(const Grid& grid, const std::uint8_t* values, const Cell& low, const Cell& high,
+                      std::int32_t* counts);
+
 }  // namespace hgs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -52,18 +53,42 @@ class PlanningCycle:
         )
         return inside
 
-    def nearest_place(self, point_m: Float[ndarray, " 2"]) -> tuple[int, float]:
-        """The place nearest to a point and its distance [m]; there must be one."""
-        away = np.linalg.norm(self.places_m - point_m, axis=1)
-        nearest = int(np.argmin(away))
-        return int(self.places[nearest]), float(away[nearest])
+    def nearest_place(self, point_m: Float[ndarray, " 2"]) -> int:
+        """The place nearest to a point; there must be one."""
+        return int(self.places[np.argmin(self._squared_distances(point_m))])
 
     def place_near(self, point_m: Float[ndarray, " 2"], within_m: float) -> int | None:
         """The place nearest to a point, if it is near enough."""
-        if not len(self.places):
+        reach = int(np.ceil(within_m / self.grid.size_m)) + 1
+        i, j = (int(k) for k in np.floor((point_m - self.grid.lower_m) / self.grid.size_m))
+        first_i, first_j = max(i - reach, 0), max(j - reach, 0)
+        window = self._is_place[first_i : max(i + reach + 1, 0), first_j : max(j + reach + 1, 0)]
+        near = np.argwhere(window) + [first_i, first_j]
+        if not len(near):
             return None
-        cell, away = self.nearest_place(point_m)
-        return cell if away <= within_m else None
+        cells = near[:, 0] * self.grid.shape[1] + near[:, 1]
+        away = np.linalg.norm(self.grid.centres_m(cells) - point_m, axis=1)
+        nearest = int(np.argmin(away))
+        return int(cells[nearest]) if away[nearest] <= within_m else None
+
+    def places_within(self, point_m: Float[ndarray, " 2"], radius_m: float) -> Int[ndarray, " n"]:
+        """Indices into `places` of those at most so far from a point."""
+        return np.flatnonzero(self._squared_distances(point_m) <= radius_m**2)
+
+    def _squared_distances(self, point_m: Float[ndarray, " 2"]) -> Float[ndarray, " n_places"]:
+        x, y = self._place_columns
+        squared: Float[ndarray, " n_places"] = (x - point_m[0]) ** 2 + (y - point_m[1]) ** 2
+        return squared
+
+    @cached_property
+    def _place_columns(self) -> tuple[Float[ndarray, " n_places"], Float[ndarray, " n_places"]]:
+        return np.ascontiguousarray(self.places_m[:, 0]), np.ascontiguousarray(self.places_m[:, 1])
+
+    @cached_property
+    def _is_place(self) -> Bool[ndarray, "nx ny"]:
+        is_place = np.zeros(self.grid.blocked.size, bool)
+        is_place[self.places] = True
+        return is_place.reshape(self.grid.shape)
 
     def distance_m(self, cell: int) -> float:
         """Path cost from the robot to a cell."""

@@ -39,9 +39,8 @@ def join_views(cycle: PlanningCycle, views: list[View]) -> Path:
 def leg_between(cycle: PlanningCycle, before: View | None, goal: View) -> Float[ndarray, "n 2"]:
     """The grid's way to `goal` from `before` (`None`: from the robot), both reachable."""
     grid, reach = cycle.grid, cycle.reach
-    to_goal = _from_robot(cycle, goal)
     if before is None or _at_robot(cycle, before):
-        return to_goal
+        return _from_robot(cycle, goal)
     if _at_robot(cycle, goal):
         return path_from_robot(grid, reach, before.cell)[::-1]
     direct = shortest_path(grid, before.cell, goal.cell)
@@ -49,7 +48,7 @@ def leg_between(cycle: PlanningCycle, before: View | None, goal: View) -> Float[
         return direct
     # The robot's own place joins what the grid keeps apart (it may stand where it could not pass): back,
     # then on.
-    return np.concatenate([path_from_robot(grid, reach, before.cell)[::-1], to_goal[1:]])
+    return np.concatenate([path_from_robot(grid, reach, before.cell)[::-1], _from_robot(cycle, goal)[1:]])
 
 
 def _from_robot(cycle: PlanningCycle, goal: View) -> Float[ndarray, "n 2"]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 from pydantic import Field
 
@@ -109,7 +109,8 @@ class GlobalPlanner:
         if len(counted):
             self._reconsider(cycle)
         for key in self.partition.with_state(SubspaceState.RECONSTRUCTING):
-            of_key = counted & np.all(cycle.missing.keys == np.array(key), axis=1)
+            of_key = cycle.missing.of(key)
+            of_key = of_key[counted[of_key]]
             volume = float(cycle.missing.volume_m3[of_key].sum())
             if volume >= self.partition.config.done_volume_m3:
                 self._represent(key, of_key, volume, cycle, rng, tour)
@@ -122,17 +123,11 @@ class GlobalPlanner:
         self._order(cycle, tour)
         return tour
 
-    def _middle(self, cycle: PlanningCycle, of_key: Bool[ndarray, " n"]) -> Float[ndarray, " 2"]:
+    def _middle(self, cycle: PlanningCycle, of_key: Int[ndarray, " n"]) -> Float[ndarray, " 2"]:
         middle: Float[ndarray, " 2"] = np.average(
             cycle.missing.xy_m[of_key], axis=0, weights=cycle.missing.volume_m3[of_key]
         )
         return middle
-
-    def _places(
-        self, cycle: PlanningCycle, middle: Float[ndarray, " 2"], radius_m: float
-    ) -> Int[ndarray, " n"]:
-        """Indices into the cycle's places."""
-        return np.flatnonzero(np.linalg.norm(cycle.places_m - middle, axis=1) <= radius_m)
 
     def _reconsider(self, cycle: PlanningCycle) -> None:
         for key, record in self.partition.records.items():
@@ -140,21 +135,21 @@ class GlobalPlanner:
                 record.exhausted is not None
                 and record.missing_volume_m3 >= self.partition.config.done_volume_m3
             ):
-                of_key = np.all(cycle.missing.keys == np.array(key), axis=1)
-                places = self._places(cycle, self._middle(cycle, of_key), self._camera_range_m)
+                middle = self._middle(cycle, cycle.missing.of(key))
+                places = cycle.places_within(middle, self._camera_range_m)
                 self.partition.reconsider(key, places=len(places))
 
     def _represent(
         self,
         key: Key,
-        of_key: Bool[ndarray, " n"],
+        of_key: Int[ndarray, " n"],
         volume_m3: float,
         cycle: PlanningCycle,
         rng: np.random.Generator,
         tour: GlobalTour,
     ) -> None:
         middle = self._middle(cycle, of_key)
-        near = self._places(cycle, middle, self.config.view_radius_m)
+        near = cycle.places_within(middle, self.config.view_radius_m)
         known = self._views.get(key)
         if known is not None and self._still_holds(known, volume_m3, len(near), cycle):
             cell = cycle.place_near(known.view.xy_m, cycle.grid.size_m)
@@ -163,7 +158,7 @@ class GlobalPlanner:
             return
         view = self._best(near, self.config.view_spacing_m, self.config.views_per_subspace, cycle, rng)
         if view is None or view.total_gain < self._gain_threshold:
-            wide = self._places(cycle, middle, self._camera_range_m)
+            wide = cycle.places_within(middle, self._camera_range_m)
             denser = self.config.view_spacing_m / 2
             again = self._best(wide, denser, self.config.dense_views_per_subspace, cycle, rng)
             view = max((v for v in (view, again) if v is not None), key=lambda v: v.total_gain, default=None)
@@ -210,43 +205,37 @@ class GlobalPlanner:
             tour.goals.append(view)
 
     def _order(self, cycle: PlanningCycle, tour: GlobalTour) -> None:
-        """Sort the goals into an open tour and find its legs."""
+        """Sort the goals into an open tour and find its legs: the roadmap's, or, where it has no connection or
+        a long way round, the grid's."""
         if not tour.goals:
             return
         places = np.stack([cycle.robot_xy_m, *(view.xy_m for view in tour.goals)])
-        costs = self._costs(cycle, places, tour.goals)
-        order = open_tour(costs)[1:] - 1
-        tour.keys = [tour.keys[k] for k in order]
-        tour.goals = [tour.goals[k] for k in order]
-        for before, goal in zip([None, *tour.goals[:-1]], tour.goals, strict=True):
-            leg, from_roadmap = self._leg(cycle, before, goal)
-            tour.legs_m.append(leg)
-            tour.grid_legs += not from_roadmap
+        routes = self.roadmap.routes(cycle.grid, places)
+        by_grid = self._grid_costs(cycle, tour.goals)
+        from_roadmap = routes.costs_m <= self.config.detour_factor * by_grid
+        order = open_tour(np.where(from_roadmap, routes.costs_m, by_grid))
+        goals, keys = tour.goals, tour.keys
+        tour.goals, tour.keys = [], []
+        for a, b in zip(order[:-1].tolist(), order[1:].tolist(), strict=True):
+            tour.goals.append(goals[b - 1])
+            tour.keys.append(keys[b - 1])
+            route = routes.route(a, b) if from_roadmap[a, b] else None
+            if route is not None:
+                tour.legs_m.append(smooth(cycle.grid, route))
+            else:
+                tour.legs_m.append(leg_between(cycle, goals[a - 1] if a else None, goals[b - 1]))
+                tour.grid_legs += 1
 
-    def _costs(
-        self, cycle: PlanningCycle, places_m: Float[ndarray, "n 2"], goals: list[View]
-    ) -> Float[ndarray, "n n"]:
-        """Roadmap costs; where the roadmap has no connection, or a long way round, the grid's."""
+    @staticmethod
+    def _grid_costs(cycle: PlanningCycle, goals: list[View]) -> Float[ndarray, "n n"]:
+        """Costs of the grid's ways between every two of the robot (row 0) and the goals."""
         cells = np.array([goal.cell for goal in goals])
-        by_grid = np.zeros((len(places_m), len(places_m)))
+        by_grid = np.zeros((len(goals) + 1, len(goals) + 1))
         by_grid[0, 1:] = by_grid[1:, 0] = cycle.reach.distance_m.ravel()[cells]
         by_grid[1:, 1:] = pairwise_costs(cycle.grid, cells)
         # Between two reachable places there is a way through the robot's, if entering its cells takes an
         # escape.
-        by_grid = np.minimum(by_grid, by_grid[:, :1] + by_grid[:1, :])
-        by_roadmap = self.roadmap.pairwise_costs(cycle.grid, places_m)
-        return np.where(by_roadmap <= self.config.detour_factor * by_grid, by_roadmap, by_grid)
-
-    def _leg(
-        self, cycle: PlanningCycle, before: View | None, goal: View
-    ) -> tuple[Float[ndarray, "n 2"], bool]:
-        direct = leg_between(cycle, before, goal)
-        route = self.roadmap.route(cycle.grid, direct[0], goal.xy_m)
-        if route is not None:
-            route = smooth(cycle.grid, route)
-            if _cost(cycle, route) <= self.config.detour_factor * _cost(cycle, direct):
-                return route, True
-        return direct, False
+        return np.minimum(by_grid, by_grid[:, :1] + by_grid[:1, :])
 
     def state(self) -> dict[str, Any]:
         views = [
@@ -271,7 +260,3 @@ class GlobalPlanner:
             )
             for entry in state["views"]
         }
-
-
-def _cost(cycle: PlanningCycle, polyline_m: Float[ndarray, "n 2"]) -> float:
-    return float(cycle.grid.check_segments(polyline_m[:-1], polyline_m[1:])[1].sum())

@@ -230,7 +230,7 @@ class HierarchicalPlanner:
         if not tour.legs_m or not len(cycle.places):
             return None
         exit_m = first_exit(tour.legs_m[0], cycle)
-        return None if exit_m is None else cycle.nearest_place(exit_m)[0]
+        return None if exit_m is None else cycle.nearest_place(exit_m)
 
     @staticmethod
     def _merged(before: GlobalTour, after: GlobalTour) -> GlobalTour:

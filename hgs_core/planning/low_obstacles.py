@@ -10,10 +10,11 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Int32
 from numpy import ndarray
 
-from hgs_core.gaussians.gaussian_map import BLOCK, CENTRE, LOGIT_OPACITY, GaussianMap
+from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.native import kernels
 from hgs_core.robot.robot import RobotConfig, RobotState
 
 _LOGIT_SOLID: Final = float(np.log(0.2 / 0.8))
@@ -28,30 +29,28 @@ TOUCH_DEPTH_M: Final = 0.03
 _TOUCH_HALF_ANGLE_RAD: Final = np.radians(30.0)
 
 
-def low_surface_points(
+def low_surface_counts(
     gaussians: GaussianMap,
     robot: RobotConfig,
     *,
     below_m: float,
     lower_m: Float[ndarray, " 2"],
-    upper_m: Float[ndarray, " 2"],
-) -> Float32[ndarray, "n 2"]:
-    """Floor positions of solid Gaussians between the robot's step height and `below_m`, inside a rectangle.
-
-    Blocks of the map that do not reach into the layer or the rectangle are not looked at.
-    """
-    bounds = gaussians.block_bounds
-    near = (bounds[:, 2] < below_m) & (bounds[:, 5] > robot.step_height_m)
-    near &= np.all((bounds[:, :2] < upper_m) & (bounds[:, 3:5] > lower_m), axis=1)
-    if not near.any():
-        return np.zeros((0, 2), np.float32)
-    rows = (np.flatnonzero(near)[:, None] * BLOCK + np.arange(BLOCK)).ravel()
-    parameters = gaussians.parameters[rows[rows < gaussians.size]]
-    centres = parameters[:, CENTRE]
-    kept = (centres[:, 2] > robot.step_height_m) & (centres[:, 2] < below_m)
-    kept &= parameters[:, LOGIT_OPACITY] > _LOGIT_SOLID
-    kept &= np.all((centres[:, :2] >= lower_m) & (centres[:, :2] < upper_m), axis=1)
-    return centres[kept, :2]
+    size_m: float,
+    shape: tuple[int, int],
+) -> Int32[ndarray, "nx ny"]:
+    """Solid Gaussians between the robot's step height and `below_m`, in each cell of a floor plan."""
+    counts = np.zeros(shape, np.int32)
+    kernels.count_in_layer(
+        gaussians.parameters[: gaussians.size],
+        gaussians.block_bounds,
+        robot.step_height_m,
+        below_m,
+        _LOGIT_SOLID,
+        lower_m,
+        size_m,
+        counts,
+    )
+    return counts
 
 
 class TouchMemory:

@@ -27,9 +27,10 @@ shortest way out, never towards the obstacle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int, Int32
 from numpy import ndarray
 from pydantic import Field
 from scipy.ndimage import uniform_filter
@@ -37,7 +38,7 @@ from scipy.ndimage import uniform_filter
 from hgs_core.config.base import StrictConfig
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
-from hgs_core.planning.low_obstacles import MIN_GAUSSIANS, low_surface_points
+from hgs_core.planning.low_obstacles import MIN_GAUSSIANS, low_surface_counts
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
@@ -83,6 +84,12 @@ class NavigationGrid:
     def shape(self) -> tuple[int, int]:
         return self.blocked.shape[0], self.blocked.shape[1]
 
+    @cached_property
+    def clearance_cells(self) -> Float32[ndarray, "nx ny"]:
+        """`clearance_m` in cells."""
+        cells: Float32[ndarray, "nx ny"] = self.clearance_m / np.float32(self.size_m)
+        return cells
+
     @property
     def passable(self) -> Bool[ndarray, "nx ny"]:
         passable: Bool[ndarray, "nx ny"] = np.isfinite(self.cost)
@@ -107,13 +114,32 @@ class NavigationGrid:
         segments = np.concatenate([starts_m - self.lower_m, ends_m - self.lower_m], axis=1) / self.size_m
         least, cost = kernels.grid_segments(
             self.blocked.view(np.uint8),
-            self.clearance_m / np.float32(self.size_m),
+            self.clearance_cells,
             self.soft_cost,
             np.ascontiguousarray(segments, dtype=np.float64),
             SEGMENT_STEP,
             self.clearance_cap_m / self.size_m,
         )
         return least * self.size_m, cost * self.size_m
+
+    def straighten(
+        self, points_m: Float[ndarray, "n 2"], cost_factor: float
+    ) -> Int32[ndarray, " n_kept"]:
+        """Indices of a polyline's points that are left when straight lines replace runs of it.
+
+        A line keeps the radius and margin clear (or what the run itself keeps, where the run is tighter) and
+        costs at most `cost_factor` times as much as the run.
+        """
+        return kernels.grid_straighten(
+            self.blocked.view(np.uint8),
+            self.clearance_cells,
+            self.soft_cost,
+            np.ascontiguousarray((points_m - self.lower_m) / self.size_m, dtype=np.float64),
+            SEGMENT_STEP,
+            self.clearance_cap_m / self.size_m,
+            (self.radius_m + self.margin_m) / self.size_m,
+            cost_factor,
+        )
 
     def path_clearance_m(self, positions_m: Float[ndarray, "n 2"]) -> Float[ndarray, " n_segments"]:
         """Least clearance of each segment of a polyline (of the point itself, where there is only one)."""
@@ -155,27 +181,30 @@ def build_navigation_grid(
         high = np.ceil((around_m.max(axis=0) + reach - lower[:2]) / size).astype(int)
         low_i, low_j = int(np.clip(low[0], 0, nx - 1)), int(np.clip(low[1], 0, ny - 1))
         nx, ny = int(np.clip(high[0], low_i + 1, nx)), int(np.clip(high[1], low_j + 1, ny))
-    states = voxels.states[low_i:nx, low_j:ny, low_k:high_k]
+    counts = voxels.count_in_columns((low_i, low_j, low_k), (nx, ny, high_k))
     lower_xy = lower[:2] + np.array([low_i, low_j]) * size
-    occupied = np.any(states == VoxelState.OCCUPIED, axis=2)
-    free = np.any(states == VoxelState.FREE, axis=2)
+    occupied = counts[..., VoxelState.OCCUPIED] > 0
+    free = counts[..., VoxelState.FREE] > 0
     if robot_xy_m is not None:
         free |= _footprint(free.shape, (robot_xy_m - lower_xy) / size, robot.radius_m / size)
     if gaussians is not None:
-        upper_xy = lower_xy + np.array(occupied.shape) * size
-        low_m = low_surface_points(
-            gaussians, robot, below_m=config.clearance_below_m, lower_m=lower_xy, upper_m=upper_xy
+        low_gaussians = low_surface_counts(
+            gaussians,
+            robot,
+            below_m=config.clearance_below_m,
+            lower_m=lower_xy,
+            size_m=size,
+            shape=(nx - low_i, ny - low_j),
         )
-        occupied |= _cells_with(low_m, MIN_GAUSSIANS, lower_xy, size, occupied.shape)
+        occupied |= low_gaussians >= MIN_GAUSSIANS
     if touched_m is not None:
-        occupied |= _cells_with(touched_m, 1, lower_xy, size, occupied.shape)
+        occupied |= _cells_with(touched_m, lower_xy, size, occupied.shape)
     blocked = np.ascontiguousarray(occupied | ~free)
     clearance = (kernels.grid_box_clearance(blocked.view(np.uint8), cap / size) * np.float32(size)).astype(
         np.float32
     )
-    unobserved = (
-        np.mean(states == VoxelState.UNOBSERVED, axis=2, dtype=np.float32) if states.shape[2] else 1.0 - free
-    )
+    height = high_k - low_k
+    unobserved = counts[..., VoxelState.UNOBSERVED] / np.float32(height) if height else 1.0 - free
     window = 2 * round(robot.radius_m / size) + 1
     unobserved = uniform_filter(unobserved.astype(np.float32), size=window, mode="nearest")
     span = max(config.preferred_clearance_m - robot.radius_m, 1e-6)
@@ -199,18 +228,16 @@ def build_navigation_grid(
 
 def _cells_with(
     points_m: Float[ndarray, "n 2"],
-    at_least: int,
     lower_m: Float[ndarray, " 2"],
     size_m: float,
     shape: tuple[int, ...],
 ) -> Bool[ndarray, "nx ny"]:
-    """Cells that hold so many of the points or more."""
+    """Cells that hold any of the points."""
     ij = np.floor((points_m - lower_m) / size_m).astype(np.int64)
     inside = np.all((ij >= 0) & (ij < np.array(shape)), axis=1)
-    flat = np.ravel_multi_index(tuple(ij[inside].T), shape)
-    counts = np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape)
-    full: Bool[ndarray, "nx ny"] = counts >= at_least
-    return full
+    cells = np.zeros(shape, bool)
+    cells[tuple(ij[inside].T)] = True
+    return cells
 
 
 def _footprint(shape: tuple[int, ...], centre: Float[ndarray, " 2"], radius: float) -> Bool[ndarray, "nx ny"]:

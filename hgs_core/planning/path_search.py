@@ -105,15 +105,4 @@ def smooth(grid: NavigationGrid, points_m: Float[ndarray, "n 2"]) -> Float[ndarr
     points = points_m[np.concatenate([[True], moved])]
     if len(points) < 3:
         return points
-    clear, cost = grid.check_segments(points[:-1], points[1:])
-    total = np.concatenate([[0.0], np.cumsum(cost)])
-    kept = [0]
-    while kept[-1] < len(points) - 1:
-        i = kept[-1]
-        ends = np.arange(i + 2, len(points))
-        line_clear, line_cost = grid.check_segments(np.tile(points[i], (len(ends), 1)), points[ends])
-        run_clear = np.minimum.accumulate(clear[i:])[1:]
-        required = np.minimum(grid.radius_m + grid.margin_m, run_clear) - 1e-6
-        allowed = (line_clear >= required) & (line_cost <= SHORTCUT_COST_FACTOR * (total[ends] - total[i]))
-        kept.append(int(ends[allowed][-1]) if np.any(allowed) else i + 1)
-    return points[kept]
+    return points[grid.straighten(points, SHORTCUT_COST_FACTOR)]

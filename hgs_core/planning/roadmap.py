@@ -7,11 +7,11 @@ use later.
 
 from __future__ import annotations
 
-import heapq
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int32
 from numpy import ndarray
 from pydantic import Field
 from scipy.sparse import csr_array
@@ -32,6 +32,27 @@ class RoadmapConfig(StrictConfig):
     """New nodes are sampled in reachable cells this near to the robot [m]."""
     nodes_per_cycle: int = Field(30, ge=1)
     """At most so many new nodes a planning cycle."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RoadmapRoutes:
+    """Shortest routes between `t` terminals over one state of the roadmap."""
+
+    places_m: Float[ndarray, "n_all 2"]
+    """The roadmap's nodes, then the terminals."""
+    costs_m: Float[ndarray, "t t"]
+    """Route costs; +inf where the roadmap has no connection."""
+    _before: Int32[ndarray, "t n_all"]
+
+    def route(self, start: int, goal: int) -> Float[ndarray, "k 2"] | None:
+        """The polyline from one terminal to another, `None` without a connection."""
+        if not np.isfinite(self.costs_m[start, goal]):
+            return None
+        first = len(self.places_m) - len(self.costs_m)
+        route = [first + goal]
+        while route[-1] != first + start:
+            route.append(int(self._before[start, route[-1]]))
+        return self.places_m[route[::-1]]
 
 
 class Roadmap:
@@ -94,52 +115,17 @@ class Roadmap:
             np.concatenate([self._costs[self._usable], cost[usable]]),
         )
 
-    def pairwise_costs(
-        self, grid: NavigationGrid, terminals_m: Float[ndarray, "t 2"]
-    ) -> Float[ndarray, "t t"]:
-        """Route costs [m] between every two places; +inf where the roadmap has no connection."""
+    def routes(self, grid: NavigationGrid, terminals_m: Float[ndarray, "t 2"]) -> RoadmapRoutes:
+        """The shortest routes between every two places."""
         places, edges, costs = self._joined(grid, terminals_m)
         graph = csr_array(
             (np.maximum(costs, 1e-9), (edges[:, 0], edges[:, 1])), shape=(len(places), len(places))
         )
         first = len(self.nodes_m)
-        sources = np.arange(first, len(places))
-        return dijkstra(graph, directed=False, indices=sources)[:, first:]
-
-    def route(
-        self, grid: NavigationGrid, start_m: Float[ndarray, " 2"], goal_m: Float[ndarray, " 2"]
-    ) -> Float[ndarray, "k 2"] | None:
-        """A* over the roadmap: a polyline from start to goal, `None` without a connection."""
-        places, edges, costs = self._joined(grid, np.stack([start_m, goal_m]))
-        neighbours: list[list[tuple[int, float]]] = [[] for _ in places]
-        for (a, b), cost in zip(edges.tolist(), costs.tolist(), strict=True):
-            neighbours[a].append((b, cost))
-            neighbours[b].append((a, cost))
-        start, goal = len(places) - 2, len(places) - 1
-        ahead = np.linalg.norm(places - goal_m, axis=1)  # admissible: a metre costs at least 1
-        best = {start: 0.0}
-        before: dict[int, int] = {}
-        queue = [(float(ahead[start]), start)]
-        closed: set[int] = set()
-        while queue:
-            _, node = heapq.heappop(queue)
-            if node == goal:
-                break
-            if node in closed:
-                continue
-            closed.add(node)
-            for other, cost in neighbours[node]:
-                through = best[node] + cost
-                if through < best.get(other, np.inf):
-                    best[other] = through
-                    before[other] = node
-                    heapq.heappush(queue, (through + float(ahead[other]), other))
-        if goal not in best:
-            return None
-        route = [goal]
-        while route[-1] != start:
-            route.append(before[route[-1]])
-        return places[route[::-1]]
+        distances, before = dijkstra(
+            graph, directed=False, indices=np.arange(first, len(places)), return_predecessors=True
+        )
+        return RoadmapRoutes(places_m=places, costs_m=distances[:, first:], _before=before)
 
     def state(self) -> dict[str, Any]:
         return {"nodes_m": self.nodes_m.copy(), "edges": self.edges.copy()}

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from hgs_core.native import kernels
+
 
 def poisson_disk(
     points_m: Float[ndarray, "n 2"],
@@ -21,18 +23,15 @@ def poisson_disk(
     Maximal unless `limit` cuts it: every point left out lies closer than `spacing_m` to a chosen or taken
     one.
     """
-    open_ = np.ones(len(points_m), dtype=bool)
-    if taken_m is not None:
-        for place in taken_m:
-            open_ &= np.hypot(*(points_m - place).T) >= spacing_m
     order = rng.permutation(len(points_m))
     if preferred is not None:
         order = np.concatenate([order[preferred[order]], order[~preferred[order]]])
-    chosen: list[int] = []
-    for index in order:
-        if limit is not None and len(chosen) >= limit:
-            break
-        if open_[index]:
-            chosen.append(int(index))
-            open_ &= np.hypot(*(points_m - points_m[index]).T) >= spacing_m
-    return np.array(chosen, dtype=np.int64)
+    taken = np.zeros((0, 2)) if taken_m is None else taken_m
+    chosen = kernels.throw_darts(
+        np.ascontiguousarray(points_m, np.float64),
+        order.astype(np.int64),
+        np.ascontiguousarray(taken, np.float64),
+        spacing_m,
+        len(points_m) if limit is None else limit,
+    )
+    return chosen.astype(np.int64)

@@ -10,6 +10,7 @@ or, when it was exhausted, the robot can now stand in many more places near it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,8 +59,17 @@ class MissingColumns:
     volume_m3: Float[ndarray, " n"]
     keys: Int[ndarray, "n 2"]
 
-    def of(self, key: Key) -> Float[ndarray, "k 2"]:
-        return self.xy_m[np.all(self.keys == np.array(key), axis=1)]
+    def of(self, key: Key) -> Int[ndarray, " k"]:
+        """Indices of the columns in one cuboid."""
+        return self._rows_by_key.get(key, np.zeros(0, np.int64))
+
+    @cached_property
+    def _rows_by_key(self) -> dict[Key, Int[ndarray, " k"]]:
+        keys, inverse = np.unique(self.keys, axis=0, return_inverse=True)
+        order = np.argsort(inverse.ravel(), kind="stable")
+        ends = np.cumsum(np.bincount(inverse.ravel(), minlength=len(keys)))
+        rows = np.split(order, ends[:-1]) if len(keys) else []
+        return {(int(i), int(j)): of_key for (i, j), of_key in zip(keys, rows, strict=True)}
 
 
 class SubspacePartition:
@@ -76,9 +86,9 @@ class SubspacePartition:
         size = voxels.config.size_m
         lower = np.asarray(voxels.lower_m(), dtype=np.float64)
         self._height_m = (float(lower[2]), float(lower[2] + voxels.states.shape[2] * size))
-        missing = np.count_nonzero(voxels.missing(), axis=2)
-        observed = np.any(voxels.states != VoxelState.UNOBSERVED, axis=2)
-        nx, ny = missing.shape
+        missing = voxels.missing_in_columns()
+        nx, ny, nz = voxels.states.shape
+        observed = voxels.count_in_columns((0, 0, 0), (nx, ny, nz))[..., VoxelState.UNOBSERVED] < nz
         column_x = self._index(lower[0] + (np.arange(nx) + 0.5) * size, 0)
         column_y = self._index(lower[1] + (np.arange(ny) + 0.5) * size, 1)
         first_x, first_y = int(column_x[0]), int(column_y[0])

@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Float32, Int, Int32, UInt8
 from numpy import ndarray
 from pydantic import Field
 
@@ -123,6 +123,21 @@ class VoxelMap:
             )
             self._missing_version = self.version
         return self._missing
+
+    def count_in_columns(
+        self, low: tuple[int, int, int], high: tuple[int, int, int]
+    ) -> Int32[ndarray, "nx ny 3"]:
+        """Voxels of each `VoxelState` in the columns of the box of array indices `low <= index < high`."""
+        counts = np.empty((high[0] - low[0], high[1] - low[1], 3), np.int32)
+        kernels.count_in_columns(self.states, low, high, counts)
+        return counts
+
+    def missing_in_columns(self) -> Int32[ndarray, "nx ny"]:
+        """Missing voxels of each column."""
+        missing = self.missing()
+        counts = np.empty((*missing.shape[:2], 3), np.int32)
+        kernels.count_in_columns(missing.view(np.uint8), (0, 0, 0), missing.shape, counts)
+        return counts[..., 1]
 
     def lower_m(self) -> Float[ndarray, " 3"]:
         """World position of the low corner of `states[0, 0, 0]`."""

@@ -4,13 +4,12 @@ import numpy as np
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
-from hgs_core.planning.low_obstacles import TouchMemory, low_surface_points
+from hgs_core.planning.low_obstacles import TouchMemory, low_surface_counts
 from hgs_core.planning.navigation_grid import NavigationConfig, build_navigation_grid
 from hgs_core.robot.robot import RobotConfig, RobotState
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
 
 ROBOT = RobotConfig()
-WIDE = (np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
 
 
 def gaussians_at(centres: list[list[float]], *, logit_opacity: float = 3.0) -> GaussianMap:
@@ -36,19 +35,23 @@ def state(*, collisions: int, yaw_rad: float = 0.0) -> RobotState:
     )
 
 
-def points_of(gaussians: GaussianMap) -> np.ndarray:
-    return low_surface_points(gaussians, ROBOT, below_m=0.1, lower_m=WIDE[0], upper_m=WIDE[1])
+def counts_of(gaussians: GaussianMap) -> np.ndarray:
+    return low_surface_counts(
+        gaussians, ROBOT, below_m=0.1, lower_m=np.array([-0.1, -0.5]), size_m=0.01, shape=(50, 100)
+    )
 
 
 def test_only_the_layer_between_step_and_column_counts() -> None:
-    heights = [-0.01, 0.0, 0.03, 0.06, 0.09, 0.12, 1.0]
-    found = points_of(gaussians_at([[h, 0.0, h] for h in heights]))
-    np.testing.assert_allclose(np.sort(found[:, 0]), [0.06, 0.09], rtol=1e-6)
+    heights = [-0.01, 0.0, 0.03, 0.06, 0.06, 0.09, 0.12, 1.0]
+    counts = counts_of(gaussians_at([[h + 0.005, 0.005, h] for h in heights]))
+    np.testing.assert_array_equal(np.argwhere(counts), [[16, 50], [19, 50]])
+    assert counts[16, 50] == 2
 
 
-def test_faint_gaussians_and_empty_maps_show_nothing() -> None:
-    assert len(points_of(gaussians_at([[0.0, 0.0, 0.08]], logit_opacity=-2.0))) == 0
-    assert len(points_of(GaussianMap())) == 0
+def test_faint_gaussians_empty_maps_and_what_lies_beside_the_plan_show_nothing() -> None:
+    assert not counts_of(gaussians_at([[0.0, 0.0, 0.08]], logit_opacity=-2.0)).any()
+    assert not counts_of(gaussians_at([[9.0, 0.0, 0.08], [0.0, -0.6, 0.08]])).any()
+    assert not counts_of(GaussianMap()).any()
 
 
 def test_a_sill_blocks_the_floor_on_which_the_voxels_see_nothing() -> None:

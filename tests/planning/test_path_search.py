@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import pairwise_costs, path_from_robot, reach_from, shortest_path
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 from tests.planning.floors import grid_of, room
@@ -32,6 +33,33 @@ def test_paths_keep_clear_and_lead_where_they_should(seed: int) -> None:
         np.testing.assert_allclose(path[-1], goal)
         assert grid.path_clearance_m(path).min() >= 0.25 - 1e-6
         assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() >= np.linalg.norm(goal - robot) - 1e-9
+
+
+def straightened(grid: NavigationGrid, points: np.ndarray) -> list[int]:
+    """What `NavigationGrid.straighten` does, line by line."""
+    clear, cost = grid.check_segments(points[:-1], points[1:])
+    total = np.concatenate([[0.0], np.cumsum(cost)])
+    kept = [0]
+    while kept[-1] < len(points) - 1:
+        i = kept[-1]
+        ends = np.arange(i + 2, len(points))
+        line_clear, line_cost = grid.check_segments(np.tile(points[i], (len(ends), 1)), points[ends])
+        run_clear = np.minimum.accumulate(clear[i:])[1:]
+        required = np.minimum(grid.radius_m + grid.margin_m, run_clear) - 1e-6
+        allowed = (line_clear >= required) & (line_cost <= 1.03 * (total[ends] - total[i]))
+        kept.append(int(ends[allowed][-1]) if np.any(allowed) else i + 1)
+    return kept
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 1000))
+def test_straightening_is_that_of_the_oracle(seed: int) -> None:
+    grid = grid_of(cluttered(seed))
+    reach = reach_from(grid, np.array([0.52, 0.57]))
+    places = np.flatnonzero(reach.reachable.ravel())
+    for cell in np.random.default_rng(seed).choice(places, 4):
+        points = grid.centres_m(reach.cells_to(int(cell)))
+        assert grid.straighten(points, 1.03).tolist() == straightened(grid, points)
 
 
 def test_a_straight_way_is_one_line() -> None:

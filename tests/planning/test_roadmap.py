@@ -7,6 +7,8 @@ from hgs_core.planning.sampling import poisson_disk
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 from tests.planning.floors import grid_of, room
 
+ENDS = np.array([[1.0, 1.0], [7.0, 4.0]])
+
 
 def divided_room(door: bool = True) -> VoxelMap:
     voxels = room(80, 50)
@@ -31,7 +33,7 @@ def test_nodes_keep_their_spacing_and_routes_their_clearance() -> None:
     roadmap, grid = grown(voxels), grid_of(voxels)
     apart = np.linalg.norm(roadmap.nodes_m[:, None] - roadmap.nodes_m[None], axis=2)
     assert apart[~np.eye(len(apart), dtype=bool)].min() >= 0.8
-    route = roadmap.route(grid, np.array([1.0, 1.0]), np.array([7.0, 4.0]))
+    route = roadmap.routes(grid, ENDS).route(0, 1)
     assert route is not None
     assert grid.path_clearance_m(route).min() >= 0.25 - 1e-6
     assert np.any(np.abs(route[:, 0] - 4.05) < 1.0)  # through the door
@@ -41,12 +43,14 @@ def test_route_costs_agree_with_the_distance_matrix() -> None:
     voxels = divided_room()
     roadmap, grid = grown(voxels), grid_of(voxels)
     places = np.array([[1.0, 1.0], [7.0, 4.0], [2.0, 4.0]])
-    costs = roadmap.pairwise_costs(grid, places)
+    routes = roadmap.routes(grid, places)
+    costs = routes.costs_m
     np.testing.assert_allclose(costs, costs.T)
     for a in range(3):
         for b in range(a + 1, 3):
-            route = roadmap.route(grid, places[a], places[b])
+            route = routes.route(a, b)
             assert route is not None
+            np.testing.assert_array_equal(route[[0, -1]], places[[a, b]])
             assert grid.check_segments(route[:-1], route[1:])[1].sum() == pytest.approx(costs[a, b], rel=1e-6)
 
 
@@ -55,11 +59,11 @@ def test_an_edge_that_became_blocked_is_not_used() -> None:
     shut = divided_room(door=False)
     grid = grid_of(shut, at=(1.05, 2.55))
     roadmap.grow(grid, reach_from(grid, np.array([1.05, 2.55])), np.random.default_rng(1))
-    assert roadmap.route(grid, np.array([1.0, 1.0]), np.array([7.0, 4.0])) is None
-    assert np.isinf(roadmap.pairwise_costs(grid, np.array([[1.0, 1.0], [7.0, 4.0]]))[0, 1])
+    assert roadmap.routes(grid, ENDS).route(0, 1) is None
+    assert np.isinf(roadmap.routes(grid, ENDS).costs_m[0, 1])
     again = grid_of(divided_room(), at=(1.05, 2.55))
     roadmap.grow(again, reach_from(again, np.array([1.05, 2.55])), np.random.default_rng(1))
-    assert roadmap.route(again, np.array([1.0, 1.0]), np.array([7.0, 4.0])) is not None
+    assert roadmap.routes(again, ENDS).route(0, 1) is not None
 
 
 def test_a_restored_roadmap_grows_on_alike() -> None:
