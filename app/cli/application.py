@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from app.cli.bench import bench
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.evaluate import evaluate
 from app.cli.exit_codes import ExitCode
@@ -49,6 +50,7 @@ application.command()(picture)
 application.command()(scenes)
 application.command()(presets)
 application.command()(serve)
+application.add_typer(bench, name="bench")
 
 
 def _print_version(wanted: bool) -> None:

@@ -69,9 +69,9 @@ def _splats(
 ) -> tuple[Float32[ndarray, "n 3"], UInt8[ndarray, "n 3"], Float32[ndarray, " n"], UInt8[ndarray, " n"]]:
     """At most `limit` Gaussians: every k-th, larger and more opaque by what it stands for.
 
-    Its radius grows by sqrt(k), as the spacing does, and by `GAP_FACTOR`, as a thinned-out row of Gaussians is
-    less even than the whole one; its opacity becomes that of k such Gaussians behind each other. Surfaces stay
-    closed. A stride keeps the choice the same from view to view, as rows keep their order.
+    Its radius grows by sqrt(k), as the spacing does, and by `GAP_FACTOR`, as thinned-out Gaussians are spread
+    less evenly; its opacity becomes that of k of them behind each other: surfaces stay closed. A stride keeps
+    the choice the same from view to view, as rows keep their order.
     """
     stride = max(1, math.ceil(gaussians.size / limit))
     growth = 1.0 if stride == 1 else GAP_FACTOR * math.sqrt(stride)

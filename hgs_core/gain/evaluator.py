@@ -44,9 +44,7 @@ class PanoramaGainEvaluator:
         """Gains of a camera at each position, level, all yaws. `observed_share` is lambda_o of Eq. 10."""
         field = self._field_over(snapshot)
         near = field.chunks_near(positions_m, self._range_m)
-        field.gather(
-            snapshot, near, prior_information=self.config.prior_information, focal_px=self._focal_px
-        )
+        field.gather(snapshot, near, prior_information=self.config.prior_information, focal_px=self._focal_px)
         panoramas = march(
             self._grid,
             field,

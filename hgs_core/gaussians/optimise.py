@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -83,6 +84,68 @@ def optimise_step(
     per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves
     them. Raises `MapError` when the images do not fit the camera.
     """
+    total, colour_l1, depth_l1_m, pixels, covered = kernels.optimise_view(
+        *_arguments(gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, radius_limits_m)
+    )
+    gaussians.version += 1
+    return OptimisationLoss(
+        total=total, colour_l1=colour_l1, depth_l1_m=depth_l1_m, pixels=pixels, covered_pixels=covered
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepStages:
+    """Where the time of one step goes [s], and how much arithmetic its loops do."""
+
+    prepare_s: float
+    """Projection, culling, sort, lists by tile."""
+    forward_s: float
+    """The forward sweep of every tile."""
+    backward_s: float
+    """The loss and the backward sweep of every tile."""
+    step_s: float
+    """From sums over pixels to parameters, and Adam."""
+    evaluations: float
+    """(splat, pixel) pairs that a sweep goes over."""
+
+
+def time_step(
+    gaussians: GaussianMap,
+    rgb: UInt8[ndarray, "height width 3"],
+    depth_m: Float32[ndarray, "height width"],
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    *,
+    weights: LossWeights,
+    rates: LearningRates,
+    radius_limits_m: tuple[float, float] = (0.001, 0.3),
+) -> StepStages:
+    """The work of `optimise_step` in separate, timed passes, for benchmarks; the map moves as there, but that
+    nothing far behind the picture is left out."""
+    prepare_s, forward_s, backward_s, step_s, evaluations = kernels.time_stages(
+        *_arguments(gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, radius_limits_m)
+    )
+    gaussians.version += 1
+    return StepStages(
+        prepare_s=prepare_s,
+        forward_s=forward_s,
+        backward_s=backward_s,
+        step_s=step_s,
+        evaluations=evaluations,
+    )
+
+
+def _arguments(
+    gaussians: GaussianMap,
+    rgb: UInt8[ndarray, "height width 3"],
+    depth_m: Float32[ndarray, "height width"],
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    weights: LossWeights,
+    rates: LearningRates,
+    radius_limits_m: tuple[float, float],
+) -> tuple[Any, ...]:
+    """What the kernels of a step take. Raises `MapError` when it does not fit together."""
     shape = (intrinsics.height, intrinsics.width)
     if rgb.shape[:2] != shape or depth_m.shape != shape:
         raise MapError(f"the camera has {shape} pixels; rgb has {rgb.shape[:2]}, depth {depth_m.shape}")
@@ -90,7 +153,8 @@ def optimise_step(
     if not 0.0 < lower_m < upper_m:
         raise MapError(f"radius_limits_m must be 0 < lower < upper, got {radius_limits_m}")
     size = gaussians.size
-    total, colour_l1, depth_l1_m, pixels, covered = kernels.optimise_view(
+    by_parameter = [*[rates.centre] * 3, *[rates.rgb] * 3, rates.log_radius, rates.logit_opacity]
+    return (
         gaussians.parameters[:size],
         gaussians.adam_first_moment[:size],
         gaussians.adam_second_moment[:size],
@@ -100,14 +164,12 @@ def optimise_step(
         np.ascontiguousarray(rgb),
         np.ascontiguousarray(depth_m),
         [weights.colour, weights.depth, weights.silhouette],
-        [*[rates.centre] * 3, *[rates.rgb] * 3, rates.log_radius, rates.logit_opacity],
-        rates.beta1,
-        rates.beta2,
-        rates.epsilon,
-        float(np.log(lower_m)),
-        float(np.log(upper_m)),
-    )
-    gaussians.version += 1
-    return OptimisationLoss(
-        total=total, colour_l1=colour_l1, depth_l1_m=depth_l1_m, pixels=pixels, covered_pixels=covered
+        [
+            *by_parameter,
+            rates.beta1,
+            rates.beta2,
+            rates.epsilon,
+            float(np.log(lower_m)),
+            float(np.log(upper_m)),
+        ],
     )

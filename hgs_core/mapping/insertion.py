@@ -9,12 +9,12 @@ from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import N_PARAMETERS
+from hgs_core.gaussians.place_order import place_order
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
 from hgs_core.mapping.surface import surface_borders, surface_steps
 
-_SORT_CELL_M: Final = 0.25
 _CONTRAST_CELL: Final = 4
 
 
@@ -74,7 +74,7 @@ def new_gaussians(
     parameters[:, 3:6] = image.rgb[rows, columns] / np.float32(255.0)
     parameters[:, 6] = np.log(radius)
     parameters[:, 7] = np.log(config.opacity / (1.0 - config.opacity))
-    return parameters[_place_order(parameters[:, 0:3])]
+    return parameters[place_order(parameters[:, 0:3])]
 
 
 def _contrast(image: TrainingImage) -> Float32[ndarray, "height width"]:
@@ -93,15 +93,3 @@ def _contrast(image: TrainingImage) -> Float32[ndarray, "height width"]:
 def _pitch(pixels: Float[ndarray, " n"]) -> Int[ndarray, " n"]:
     """The power of two (1, 2, 4 ...) nearest to so many pixels."""
     return np.exp2(np.round(np.log2(np.maximum(pixels, 1.0)))).astype(np.int64)
-
-
-def _place_order(points_m: Float32[ndarray, "n 3"]) -> Int[ndarray, " n"]:
-    """Order along a Morton curve of 25 cm cells, so that blocks of the map stay compact."""
-    if len(points_m) == 0:
-        return np.zeros(0, np.int64)
-    cells = np.floor((points_m - points_m.min(axis=0)) / _SORT_CELL_M).astype(np.int64)
-    code = np.zeros(len(cells), np.int64)
-    for bit in range(12):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return np.argsort(code, kind="stable")

@@ -87,6 +87,13 @@ class PlanMade(MissionEvent):
     path_length_m: float
     observed_share: float
     planning_s: float
+    """T_P [s]: the sum of the three parts."""
+    viewpoint_evaluation_s: float
+    """T_VE [s]."""
+    local_s: float
+    """T_LP [s]."""
+    global_s: float
+    """T_GP [s]."""
     candidates: tuple[dict[str, Any], ...]
 
 

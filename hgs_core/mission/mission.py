@@ -294,6 +294,9 @@ class Mission:
                 path_length_m=plan.path.length_m,
                 observed_share=plan.observed_share,
                 planning_s=plan.times.total_s,
+                viewpoint_evaluation_s=plan.times.viewpoint_evaluation_s,
+                local_s=plan.times.local_s,
+                global_s=plan.times.global_s,
                 candidates=tuple(_candidate_json(c) for c in plan.candidates),
             )
         )

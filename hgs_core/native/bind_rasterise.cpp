@@ -32,6 +32,9 @@ using ConstRgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_con
 // fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2.
 using CameraNumbers = std::array<float, 17>;
 
+// Learning rates of the 8 parameters, beta1, beta2, epsilon, lowest and highest log radius.
+using AdamNumbers = std::array<float, 13>;
+
 void require(bool held, const char* what) {
   if (!held) throw std::invalid_argument(what);
 }
@@ -79,22 +82,44 @@ void render_gradient(ConstRows parameters, ConstBounds bounds, CameraNumbers cam
                                     {d_colour.data(), d_depth.data(), d_silhouette.data()}, gradient.data());
 }
 
-std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
-    Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
-    ConstRgb rgb, ConstImage depth, std::array<float, 3> weights, std::array<float, 8> rates, float beta1, float beta2,
-    float epsilon, float min_log_radius, float max_log_radius) {
+// What a step of optimisation works on.
+struct Step {
+  hgs::AdamState adam;
+  hgs::Target target;
+};
+
+Step step_of(const Rows& parameters, const Rows& first_moment, const Rows& second_moment, const IntColumn& steps,
+             const Bounds& bounds, const ConstRgb& rgb, const ConstImage& depth, const std::array<float, 3>& weights,
+             const AdamNumbers& numbers) {
   const std::size_t n = parameters.shape(0);
   require_same_image(rgb, depth);
   require(first_moment.shape(0) == n && second_moment.shape(0) == n && steps.shape(0) == n,
           "Adam's arrays need a row for every Gaussian");
-  hgs::AdamState adam{parameters.data(), first_moment.data(), second_moment.data(), steps.data(), bounds.data(), {},
-                      beta1, beta2, epsilon, min_log_radius, max_log_radius};
-  for (int k = 0; k < hgs::N_PARAMETERS; ++k) adam.rates[k] = rates[k];
-  const hgs::Target target{rgb.data(), depth.data(), weights[0], weights[1], weights[2]};
+  Step step{{parameters.data(), first_moment.data(), second_moment.data(), steps.data(), bounds.data(), {},
+             numbers[8], numbers[9], numbers[10], numbers[11], numbers[12]},
+            {rgb.data(), depth.data(), weights[0], weights[1], weights[2]}};
+  for (int k = 0; k < hgs::N_PARAMETERS; ++k) step.adam.rates[k] = numbers[k];
+  return step;
+}
+
+std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
+    Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
+    ConstRgb rgb, ConstImage depth, std::array<float, 3> weights, AdamNumbers adam) {
+  const Step step = step_of(parameters, first_moment, second_moment, steps, bounds, rgb, depth, weights, adam);
   const nb::gil_scoped_release release;
   const hgs::LossSums loss = hgs::variant_kernels().rasterise.optimise(
-      rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), target, adam);
+      rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), step.target, step.adam);
   return {loss.total, loss.colour_l1, loss.depth_l1_m, loss.pixels, loss.covered};
+}
+
+std::tuple<double, double, double, double, double> time_stages(
+    Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
+    ConstRgb rgb, ConstImage depth, std::array<float, 3> weights, AdamNumbers adam) {
+  const Step step = step_of(parameters, first_moment, second_moment, steps, bounds, rgb, depth, weights, adam);
+  const nb::gil_scoped_release release;
+  const hgs::StageTimes times = hgs::variant_kernels().rasterise.stages(
+      rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), step.target, step.adam);
+  return {times.prepare_s, times.forward_s, times.backward_s, times.step_s, times.evaluations};
 }
 
 void add_information(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, int width, int height,
@@ -137,8 +162,19 @@ void bind_rasterise(nb::module_& m) {
   m.def("render_gradient", &render_gradient, "parameters"_a, "block_bounds"_a, "camera"_a, "d_colour"_a, "d_depth"_a,
         "d_silhouette"_a, "gradient"_a);
   m.def("optimise_view", &optimise_view, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
-        "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "rates"_a, "beta1"_a, "beta2"_a, "epsilon"_a,
-        "min_log_radius"_a, "max_log_radius"_a);
+        "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a);
+  m.def("time_stages", &time_stages, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
+        "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a,
+        "One step of optimisation in timed passes: seconds of preparing, forward, backward, stepping; evaluations.");
+  m.attr("FORWARD_OPERATIONS") = hgs::FORWARD_OPERATIONS;
+  m.attr("BACKWARD_OPERATIONS") = hgs::BACKWARD_OPERATIONS;
+  m.def(
+      "multiply_add",
+      [](std::int64_t rounds) {
+        const nb::gil_scoped_release release;
+        return hgs::variant_kernels().multiply_add(rounds);
+      },
+      "rounds"_a, "Multiply-adds on registers, on every thread; returns the number of operations.");
   m.def("add_information", &add_information, "parameters"_a, "block_bounds"_a, "camera"_a, "width"_a, "height"_a,
         "information"_a, "weight"_a.none());
   m.def("quality_image", &quality_image, "parameters"_a, "block_bounds"_a, "camera"_a, "information"_a, "prior"_a,

@@ -15,7 +15,6 @@ static double multiply_add(std::int64_t rounds) {
     const VFloat factor = splat_all(0.999f), summand = splat_all(0.001f);
     for (std::int64_t round = 0; round < rounds; ++round) {
       for (int c = 0; c < CHAINS; ++c) sums[c] = sums[c] * factor + summand;
-      asm volatile("" ::: "memory");
     }
     float kept = 0.0f;
     for (int c = 0; c < CHAINS; ++c) kept += sums[c][0];

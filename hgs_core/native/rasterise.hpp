@@ -75,10 +75,26 @@ struct LossSums {
   std::int64_t covered = 0;   // of those, with A > MIN_COVERED
 };
 
+// Where the time of one step of optimisation goes, and how much arithmetic its loops do.
+struct StageTimes {
+  double prepare_s = 0.0;   // projection, culling, sort, lists by tile
+  double forward_s = 0.0;   // the forward sweep of every tile
+  double backward_s = 0.0;  // the loss and the backward sweep of every tile
+  double step_s = 0.0;      // from sums over pixels to parameters, and Adam
+  double evaluations = 0.0;  // (splat, pixel) pairs in the rows and columns that a sweep goes over
+};
+
+// Floating-point operations of one evaluation in the inner loops, a multiply-add counted as two.
+inline constexpr double FORWARD_OPERATIONS = 11.0;   // a, w, T: 3; C and D: 4 multiply-adds
+inline constexpr double BACKWARD_OPERATIONS = 33.0;  // a, w, T, S, qw: 5; q: 4 multiply-adds and 1; 1 / (1 - alpha): 4;
+                                                     // P: 3; its sums: 5; those of colour and depth: 4 multiply-adds
+
 struct RasteriseKernels {
   void (*forward)(const GaussianRows&, const PinholeCamera&, const ImageSums&);
   // Adds to `gradient` (n, 8).
   void (*backward)(const GaussianRows&, const PinholeCamera&, const ImageGradients&, float* gradient);
+  // The same work as `optimise` in separate, timed passes.
+  StageTimes (*stages)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
   LossSums (*optimise)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
   // Adds to `information` (n, 8) and, unless null, 1 / z^2 to `weight` (n,) where the colours' grew by > 1e-6.
   void (*information)(const GaussianRows&, const PinholeCamera&, float* information, float* weight);

@@ -1,5 +1,7 @@
 // The entry points of one instruction-set variant. A variant file defines HGS_VARIANT and includes this.
 #pragma once
+#include <omp.h>
+
 #include "adam.hpp"
 #include "rasterise_loss.hpp"
 #include "rasterise_project.hpp"
@@ -116,6 +118,64 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
     loss.depth_l1_m /= covered;
   }
   return loss;
+}
+
+// Evaluations of a forward sweep over one tile.
+static double count_evaluations(const Tile& tile, const Splat* splats, ForwardTile& state) {
+  constexpr int STRIDE = FORWARD_PLANES * TILE_W;
+  double vectors = 0.0;
+  sweep(tile, splats, state.rows[0][T_PLANE], STRIDE,
+        [&](TileEntry, const Splat&, const Footprint& footprint, RowRange rows) HGS_LAMBDA {
+    const int n_rows = rows.last < rows.first ? 0 : rows.last - rows.first + 1;
+    const int n_columns = footprint.last_vector - footprint.first_vector + 1;
+    vectors += n_rows * n_columns;
+    for (int j = footprint.first_vector; j <= footprint.last_vector; ++j) {
+      for (int row = rows.first; row <= rows.last; ++row) {
+        float* T = state.rows[row][T_PLANE] + j * LANES;
+        store(T, load(T) - masked_alpha(footprint.down[row] * footprint.along[j], load(T)) * load(T));
+      }
+    }
+  });
+  return vectors * LANES;
+}
+
+static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& camera, const Target& target,
+                         const AdamState& adam) {
+  const WorkspaceLease lease;
+  Workspace& workspace = *lease;
+  StageTimes times;
+  double began = omp_get_wtime();
+  const auto lap = [&] {
+    const double now = omp_get_wtime(), spent = now - began;
+    began = now;
+    return spent;
+  };
+  prepare(gaussians, camera, workspace);
+  times.prepare_s = lap();
+  for_each_tile_forward(workspace, camera, [](int, const Tile&, const Window&, const ForwardTile&) {});
+  times.forward_s = lap();
+  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
+  const int n_tiles = workspace.tiles_x * workspace.tiles_y;
+  double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
+  const LossScale scale = loss_scale(target, valid_depths(target, camera).pixels + 1);
+  began = omp_get_wtime();
+  for_each_tile_forward(workspace, camera,
+                        [&](int index, const Tile& tile, const Window& window, const ForwardTile& state) {
+                          GradientTile gradients;
+                          gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
+                          const std::uint32_t done = sweep_backward(tile, workspace.splats.get(), gradients, pair_sums);
+                          clear_pairs(tile, done, pair_sums);
+                        });
+  times.backward_s = lap() - times.forward_s;
+  step_visible(workspace, camera, adam);
+  times.step_s = lap();
+  ForwardTile state;
+  for (int index = 0; index < n_tiles; ++index) {
+    const Window window = window_of(camera, index % workspace.tiles_x, index / workspace.tiles_x);
+    clear(state, window.width, window.height);
+    times.evaluations += count_evaluations(tile_at(workspace, index), workspace.splats.get(), state);
+  }
+  return times;
 }
 
 static void information(const GaussianRows& gaussians, const PinholeCamera& camera, float* information,

@@ -9,7 +9,8 @@ namespace hgs {
 extern const VariantKernels KERNELS_AVX2;
 const VariantKernels KERNELS_AVX2 = {
     "avx2",
-    {avx2::forward, avx2::backward, avx2::optimise, avx2::information, avx2::quality_image},
+    {avx2::forward, avx2::backward, avx2::stages, avx2::optimise, avx2::information,
+     avx2::quality_image},
     {avx2::gather_rows, avx2::information_sums, avx2::march_rays},
     avx2::multiply_add,
 };

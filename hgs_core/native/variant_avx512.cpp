@@ -9,7 +9,8 @@ namespace hgs {
 extern const VariantKernels KERNELS_AVX512;
 const VariantKernels KERNELS_AVX512 = {
     "avx512",
-    {avx512::forward, avx512::backward, avx512::optimise, avx512::information, avx512::quality_image},
+    {avx512::forward, avx512::backward, avx512::stages, avx512::optimise, avx512::information,
+     avx512::quality_image},
     {avx512::gather_rows, avx512::information_sums, avx512::march_rays},
     avx512::multiply_add,
 };

@@ -9,7 +9,8 @@ namespace hgs {
 extern const VariantKernels KERNELS_PORTABLE;
 const VariantKernels KERNELS_PORTABLE = {
     "portable",
-    {portable::forward, portable::backward, portable::optimise, portable::information, portable::quality_image},
+    {portable::forward, portable::backward, portable::stages, portable::optimise, portable::information,
+     portable::quality_image},
     {portable::gather_rows, portable::information_sums, portable::march_rays},
     portable::multiply_add,
 };

@@ -63,10 +63,10 @@ class PlanningCycle:
         i, j = (int(k) for k in np.floor((point_m - self.grid.lower_m) / self.grid.size_m))
         first_i, first_j = max(i - reach, 0), max(j - reach, 0)
         window = self._is_place[first_i : max(i + reach + 1, 0), first_j : max(j + reach + 1, 0)]
-        near = np.argwhere(window) + [first_i, first_j]
-        if not len(near):
+        near_i, near_j = np.nonzero(window)
+        if not len(near_i):
             return None
-        cells = near[:, 0] * self.grid.shape[1] + near[:, 1]
+        cells = (near_i + first_i) * self.grid.shape[1] + near_j + first_j
         away = np.linalg.norm(self.grid.centres_m(cells) - point_m, axis=1)
         nearest = int(np.argmin(away))
         return int(cells[nearest]) if away[nearest] <= within_m else None

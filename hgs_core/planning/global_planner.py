@@ -205,8 +205,8 @@ class GlobalPlanner:
             tour.goals.append(view)
 
     def _order(self, cycle: PlanningCycle, tour: GlobalTour) -> None:
-        """Sort the goals into an open tour and find its legs: the roadmap's, or, where it has no connection or
-        a long way round, the grid's."""
+        """Sort the goals into an open tour and find its legs: the roadmap's, or the grid's where the roadmap
+        has no connection or a long way round."""
         if not tour.goals:
             return
         places = np.stack([cycle.robot_xy_m, *(view.xy_m for view in tour.goals)])

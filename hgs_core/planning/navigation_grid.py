@@ -122,9 +122,7 @@ class NavigationGrid:
         )
         return least * self.size_m, cost * self.size_m
 
-    def straighten(
-        self, points_m: Float[ndarray, "n 2"], cost_factor: float
-    ) -> Int32[ndarray, " n_kept"]:
+    def straighten(self, points_m: Float[ndarray, "n 2"], cost_factor: float) -> Int32[ndarray, " n_kept"]:
         """Indices of a polyline's points that are left when straight lines replace runs of it.
 
         A line keeps the radius and margin clear (or what the run itself keeps, where the run is tighter) and

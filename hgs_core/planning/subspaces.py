@@ -65,11 +65,11 @@ class MissingColumns:
 
     @cached_property
     def _rows_by_key(self) -> dict[Key, Int[ndarray, " k"]]:
-        keys, inverse = np.unique(self.keys, axis=0, return_inverse=True)
-        order = np.argsort(inverse.ravel(), kind="stable")
-        ends = np.cumsum(np.bincount(inverse.ravel(), minlength=len(keys)))
-        rows = np.split(order, ends[:-1]) if len(keys) else []
-        return {(int(i), int(j)): of_key for (i, j), of_key in zip(keys, rows, strict=True)}
+        order = np.lexsort((self.keys[:, 1], self.keys[:, 0]))
+        ordered = self.keys[order]
+        starts = np.flatnonzero(np.any(np.diff(ordered, axis=0, prepend=ordered[:1] - 1) != 0, axis=1))
+        rows = np.split(order, starts[1:]) if len(starts) else []
+        return {(int(i), int(j)): of_key for (i, j), of_key in zip(ordered[starts], rows, strict=True)}
 
 
 class SubspacePartition:

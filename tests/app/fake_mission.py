@@ -277,6 +277,9 @@ def _plan_event(plan: Plan, time_s: float) -> PlanMade:
         path_length_m=plan.path.length_m,
         observed_share=plan.observed_share,
         planning_s=plan.times.total_s,
+        viewpoint_evaluation_s=plan.times.viewpoint_evaluation_s,
+        local_s=plan.times.local_s,
+        global_s=plan.times.global_s,
         candidates=tuple(
             {
                 "x_m": c.x_m,

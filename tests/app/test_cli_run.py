@@ -133,6 +133,9 @@ def test_progress_is_told_line_by_line_without_a_terminal(missions: Callable[[Ru
                 path_length_m=1.0,
                 observed_share=0.5,
                 planning_s=0.1,
+                viewpoint_evaluation_s=0.06,
+                local_s=0.01,
+                global_s=0.03,
                 candidates=(),
             )
         )

@@ -79,13 +79,11 @@ def test_gathering_is_that_of_the_oracle(seed: int) -> None:
     dismissed = (voxels.states == VoxelState.UNOBSERVED) & (voxels.attempts >= voxels.config.max_attempts)
     depth[dismissed | (voxels.states == VoxelState.OCCUPIED)] = np.inf
     unseen = (voxels.states == VoxelState.UNOBSERVED) & ~dismissed
-    i, j, k = np.indices(voxels.states.shape)
+    i, j = np.indices(voxels.states.shape)[:2]
     filled = chunks[i // CHUNK, j // CHUNK]
     np.testing.assert_allclose(field.cells[..., OPTICAL_DEPTH], np.where(filled, depth, 0), rtol=1e-4)
     np.testing.assert_array_equal(field.cells[..., UNSEEN], unseen & filled)
-    np.testing.assert_allclose(
-        field.cells[..., QUALITY], np.where(filled, quality, 0), rtol=1e-3, atol=1e-5
-    )
+    np.testing.assert_allclose(field.cells[..., QUALITY], np.where(filled, quality, 0), rtol=1e-3, atol=1e-5)
     expected = count[filled].sum() / max(np.count_nonzero(count[filled]), 1) / 0.01
     assert field.gaussians_per_m2(chunks) == pytest.approx(expected)
 

@@ -1,0 +1,170 @@
+"""`hgs bench`: what this machine attains."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from app.cli.console import ERRORS, OUTPUT
+from app.cli.interrupts import InterruptCommands
+from app.cli.progress import MissionProgress
+from app.cli.run import parse_settings
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from hgs_core.benchmark.kernels import KernelBenchmark
+    from hgs_core.benchmark.mission import MissionBenchmark
+
+bench = typer.Typer(no_args_is_help=True, help="Measure what this machine attains.")
+
+JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")]
+Threads = Annotated[int, typer.Option(min=1, help="Threads of the kernels.", show_default="all processors")]
+
+
+@bench.command()
+def kernels(
+    json: JsonFile = None,
+    threads: Threads = os.cpu_count() or 1,
+    repeats: Annotated[int, typer.Option(min=1, help="Runs of each; their median counts.")] = 9,
+    torch: Annotated[bool, typer.Option(help="Compare with torch, which takes a minute.")] = True,
+) -> None:
+    """Measure rendering, optimisation and viewpoint evaluation against the processor's own peak.
+
+    Times depend on what else the machine does: compare the ratios and the shares of the peak.
+    HGS_KERNEL_VARIANT=portable, avx2 or avx512 chooses the instruction set. Exit code 0.
+    """
+    from hgs_core.benchmark.kernels import run_kernel_benchmark
+    from hgs_core.native import kernels as native
+
+    native.set_threads(threads)
+    with ERRORS.status("measuring") as status:
+        figures = run_kernel_benchmark(repeats=repeats, with_torch=torch, progress=status.update)
+    _print_kernels(figures)
+    _write(figures, json)
+
+
+@bench.command()
+def mission(
+    scene: Annotated[str, typer.Option(help="house, house:SEED, or a mesh file.")],
+    preset: Annotated[str, typer.Option(help="Mission preset; `hgs presets` lists them.")] = "paper",
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory.")] = 0,
+    max_time: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="Simulated seconds after which to stop.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
+    ] = None,
+    json: JsonFile = None,
+) -> None:
+    """Run a mission and tell how long its planning cycles and frames took, and how that grew.
+
+    The mission's folder is thrown away; `hgs run` keeps one. Ctrl-C ends the mission and tells what there is.
+    Exit codes: 0 measured, 2 an option, preset or scene is wrong.
+    """
+    overrides = parse_settings(settings or [])
+    from hgs_core.benchmark.mission import run_mission_benchmark
+    from hgs_core.mission.request import MissionRequest
+
+    with tempfile.TemporaryDirectory(prefix="hgs-bench-") as folder:
+        request = MissionRequest(
+            scene=scene,
+            preset=preset,
+            seed=seed,
+            out=Path(folder) / "run",
+            max_time_s=max_time,
+            overrides=overrides,
+        )
+        progress = MissionProgress(ERRORS)
+        with progress, InterruptCommands(progress.say) as commands:
+            figures = run_mission_benchmark(request, observer=progress, commands=commands)
+    _print_mission(figures)
+    _write(figures, json)
+
+
+def _write(figures: BaseModel, path: Path | None) -> None:
+    if path is not None:
+        path.write_text(figures.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        OUTPUT.print(f"figures: {path}", highlight=False, soft_wrap=True)
+
+
+def _print_kernels(figures: KernelBenchmark) -> None:
+    OUTPUT.print(
+        f"{figures.cpu}, {figures.threads} threads, {figures.variant}: "
+        f"{figures.peak_gflops:.0f} GFLOP/s multiply-add peak",
+        highlight=False,
+    )
+    table = Table(title="rendering", title_justify="left")
+    for name in ("Gaussians", "image", "forward ms", "backward ms", "iteration ms", "10^9 evaluations/s"):
+        table.add_column(name, justify="right")
+    table.add_column("% of peak, forward", justify="right")
+    table.add_column("% of peak, backward", justify="right")
+    table.add_column("torch takes", justify="right")
+    for case in figures.cases:
+        table.add_row(
+            f"{case.gaussians:,}",
+            f"{case.width} x {case.height}",
+            f"{case.forward_ms:.1f}",
+            f"{case.backward_ms:.1f}",
+            f"{case.iteration_ms:.1f}",
+            f"{case.forward_evaluations_per_s / 1e9:.1f}",
+            f"{case.forward_percent_of_peak:.0f}",
+            f"{case.backward_percent_of_peak:.0f}",
+            "-" if case.torch_reference_ratio is None else f"{case.torch_reference_ratio:.0f} times as long",
+        )
+    OUTPUT.print(table)
+    OUTPUT.print(f"other renderers: {figures.other_renderers}", highlight=False)
+    table = Table(title="viewpoint evaluation, the full circle each", title_justify="left")
+    for name in ("Gaussians", "viewpoints", "coverage ms", "quality ms", "both ms"):
+        table.add_column(name, justify="right")
+    for row in figures.planner:
+        table.add_row(
+            f"{row.gaussians:,}",
+            str(row.viewpoints),
+            f"{row.coverage_ms:.1f}",
+            f"{row.quality_ms:.1f}",
+            f"{row.total_ms:.1f}",
+        )
+    OUTPUT.print(table)
+
+
+def _print_mission(figures: MissionBenchmark) -> None:
+    OUTPUT.print(
+        f"{figures.scene}, {figures.preset}, seed {figures.seed}: {figures.stop_reason} after "
+        f"{figures.cycles} planning cycles and {figures.frames} frames; {figures.threads} threads, "
+        f"{figures.variant}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    table = Table("", "median ms", "95th percentile ms")
+    for name, spread in (
+        ("T_P, a planning cycle", figures.planning_ms),
+        ("T_VE, evaluating viewpoints", figures.viewpoint_evaluation_ms),
+        ("T_LP, local tour and path", figures.local_ms),
+        ("T_GP, survey and global tour", figures.global_ms),
+        ("mapping a frame", figures.mapping_ms),
+    ):
+        table.add_row(name, _ms(spread.median), _ms(spread.p95))
+    OUTPUT.print(table)
+    table = Table(title="as the map grows", title_justify="left")
+    for name in ("until s", "Gaussians", "observed m3", "T_P median ms", "mapping median ms"):
+        table.add_column(name, justify="right")
+    for part in figures.parts:
+        table.add_row(
+            f"{part.until_s:.0f}",
+            f"{part.n_gaussians:,}",
+            f"{part.observed_volume_m3:.0f}",
+            _ms(part.planning_ms.median),
+            _ms(part.mapping_ms.median),
+        )
+    OUTPUT.print(table)
+
+
+def _ms(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
