@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,11 +10,11 @@ from app.errors import Invalid
 from app.missions.service import MissionOrder
 from app.schemas import MissionCreate, PresetEntry, SceneEntry
 from hgs_core.config.presets import load_preset, preset_names
-from hgs_core.errors import ConfigError
+from hgs_core.errors import ConfigError, SceneError
 from hgs_core.mission.config import resolve_mission_config
+from hgs_core.scene.built_in import BUILT_IN_SCENES, built_in_scene
 
 MESH_SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply")
-_HOUSE: Final = re.compile(r"^house(:\d{1,9})?$")
 
 
 class Catalogue:
@@ -25,16 +24,19 @@ class Catalogue:
         self._scenes_dir = scenes_dir
 
     def scenes(self) -> list[SceneEntry]:
-        built_in = SceneEntry(
-            name="house",
-            kind="built-in",
-            description="A procedural house of several furnished rooms; house:N is another layout",
-        )
+        built_in = [
+            SceneEntry(
+                name=name,
+                kind="built-in",
+                description=f"{what[0].upper()}{what[1:]}; {name}:SEED is another layout",
+            )
+            for name, what in BUILT_IN_SCENES.items()
+        ]
         files = [
             SceneEntry(name=path.name, kind="file", description=_description(path))
             for path in self._files().values()
         ]
-        return [built_in, *files]
+        return [*built_in, *files]
 
     def presets(self) -> list[PresetEntry]:
         entries = []
@@ -49,7 +51,7 @@ class Catalogue:
         errors: list[dict[str, Any]] = []
         source = self._source(wish.scene)
         if source is None:
-            scenes = [*(scene.name for scene in self.scenes()), "house:N"]
+            scenes = [*(scene.name for scene in self.scenes()), *(f"{name}:SEED" for name in BUILT_IN_SCENES)]
             errors.append(_unknown("scene", wish.scene, scenes))
         presets = preset_names("mission")
         if wish.preset not in presets:
@@ -69,8 +71,11 @@ class Catalogue:
         )
 
     def _source(self, scene: str) -> str | None:
-        if _HOUSE.match(scene):
-            return scene
+        try:
+            if built_in_scene(scene) is not None:
+                return scene
+        except SceneError:
+            return None
         path = self._files().get(scene)
         return str(path) if path is not None else None
 

@@ -51,7 +51,7 @@ def kernels(
 
 @bench.command()
 def mission(
-    scene: Annotated[str, typer.Option(help="house, house:SEED, or a mesh file.")],
+    scene: Annotated[str, typer.Option(help="house, building, NAME:SEED, or a mesh file.")],
     preset: Annotated[str, typer.Option(help="Mission preset; `hgs presets` lists them.")] = "paper",
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory.")] = 0,
     max_time: Annotated[

@@ -15,7 +15,9 @@ from app.cli.report_table import report_table
 
 
 def run(
-    scene: Annotated[str, typer.Option(help="house, house:SEED, or a mesh file (.glb, .gltf, .obj, .ply).")],
+    scene: Annotated[
+        str, typer.Option(help="house, building, NAME:SEED, or a mesh file (.glb, .gltf, .obj, .ply).")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for the results; must be absent or empty.")],
     preset: Annotated[str, typer.Option(help="Mission preset; `hgs presets` lists them.")] = "paper",
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory.")] = 0,

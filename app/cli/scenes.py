@@ -11,6 +11,7 @@ from rich.table import Table
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.exit_codes import ExitCode
 from hgs_core.errors import HgsError
+from hgs_core.scene.built_in import BUILT_IN_SCENES
 
 if TYPE_CHECKING:
     from hgs_core.scene.scene import Scene
@@ -28,8 +29,9 @@ def scenes(
     """
     if not sources:
         table = Table("scene", "what it is")
-        table.add_row("house", "built-in furnished house; made anew from its seed, needs no file")
-        table.add_row("house:SEED", "the same with another layout, e.g. house:7")
+        for name, what in BUILT_IN_SCENES.items():
+            table.add_row(name, f"built in, made from a seed: {what}")
+            table.add_row(f"{name}:SEED", f"another layout, e.g. {name}:7")
         table.add_row("FILE", "any textured mesh: .glb, .gltf, .obj, .ply")
         OUTPUT.print(table)
         return

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,15 +14,19 @@ from pydantic import Field
 from hgs_core.config.base import StrictConfig
 from hgs_core.errors import SceneError
 from hgs_core.geometry.boxes import Box
+from hgs_core.scene.built_in import BUILT_IN_SCENES, built_in_scene
 from hgs_core.scene.free_floor import StartPose, choose_start, start_fault
 from hgs_core.scene.mesh_file import read_mesh_file
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.placement import find_floor_z, placed
-from hgs_core.scene.procedural.house import build_house
+from hgs_core.scene.procedural.house import build_building, build_house
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.textured_mesh import TexturedMesh
 
-_HOUSE = "house"
+_BUILDERS: Final[dict[str, Callable[[int], TexturedMesh]]] = {
+    "house": build_house,
+    "building": build_building,
+}
 
 
 class StartOptions(StrictConfig):
@@ -67,15 +72,16 @@ def open_scene(
     radius_m: float = 0.25,
     height_m: float = 1.1,
 ) -> Scene:
-    """The world named by `source`: `house`, `house:SEED`, or a .glb, .gltf, .obj or .ply file.
+    """The world named by `source`: a built-in scene (`house`, `house:SEED`, `building`, ...) or a mesh file
+    (.glb, .gltf, .obj, .ply).
 
     `radius_m` and `height_m` are the robot's; the start is checked or chosen for them. Raises `SceneError`
     saying what was found and what to do when the mesh cannot serve as a world.
     """
     options = options or SceneOptions()
-    seed = _house_seed(source)
-    if seed is not None:
-        return _built_in_house(seed, options, radius_m, height_m)
+    built_in = built_in_scene(str(source))
+    if built_in is not None:
+        return _made(*built_in, options, radius_m, height_m)
     path = Path(source)
     raw, notices = read_mesh_file(path)
     mesh, placing = placed(
@@ -96,31 +102,19 @@ def open_scene(
 
 
 def list_scenes() -> tuple[str, ...]:
-    """Names of the built-in scenes that `open_scene` knows; `house:SEED` gives further layouts."""
-    return (_HOUSE,)
+    """Names of the built-in scenes that `open_scene` knows; `NAME:SEED` gives further layouts."""
+    return tuple(BUILT_IN_SCENES)
 
 
-def _house_seed(source: str | Path) -> int | None:
-    """The seed in `house` or `house:SEED`, None for anything else."""
-    name, colon, seed = str(source).partition(":")
-    if name != _HOUSE:
-        return None
-    if not colon:
-        return 0
-    if not seed.isdecimal():
-        raise SceneError(f"{source!r} names no house: expected house or house:SEED with SEED = 0, 1, 2, ...")
-    return int(seed)
-
-
-def _built_in_house(seed: int, options: SceneOptions, radius_m: float, height_m: float) -> Scene:
+def _made(name: str, seed: int, options: SceneOptions, radius_m: float, height_m: float) -> Scene:
     if options.scale is not None or options.up_axis is not None or options.floor_z_m is not None:
-        raise SceneError("scale, up_axis and floor_z_m are for mesh files: the built-in house has its own")
-    mesh = build_house(seed)
+        raise SceneError(f"scale, up_axis and floor_z_m are for mesh files: the built-in {name} has its own")
+    mesh = _BUILDERS[name](seed)
     caster = RayCaster(mesh)
     notices: list[str] = []
     start = _start(caster, _start_of(options), radius_m, height_m, notices)
     return Scene(
-        name=f"{_HOUSE}:{seed}" if seed else _HOUSE,
+        name=f"{name}:{seed}" if seed else name,
         mesh=mesh,
         caster=caster,
         bounds=mesh.bounds(),

@@ -61,7 +61,7 @@ def test_no_result_name_leads_out_of_the_folder(service):
         assert "idempotency_key" not in answer.text
 
 
-def test_scenes_are_the_house_and_the_meshes_of_the_folder(service, tmp_path):
+def test_scenes_are_the_built_in_ones_and_the_meshes_of_the_folder(service, tmp_path):
     scenes = tmp_path / "scenes"
     scenes.mkdir()
     (scenes / "flat.glb").write_bytes(b"glTF")
@@ -69,7 +69,7 @@ def test_scenes_are_the_house_and_the_meshes_of_the_folder(service, tmp_path):
     (scenes / "notes.txt").write_text("no mesh")
     client = service("run_short", scenes_dir=scenes)
     found = {scene["name"]: scene for scene in client.get("/api/v1/scenes").json()}
-    assert list(found) == ["house", "flat.glb"]
+    assert list(found) == ["house", "building", "flat.glb"]
     assert found["flat.glb"]["description"].startswith("A flat")
     mission = create(client, scene="flat.glb")
     record = client.app.state.service.get(mission).record

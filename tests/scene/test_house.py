@@ -4,7 +4,7 @@ import pytest
 from hgs_core.scene.free_floor import FreeFloor, choose_start
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.procedural.furnishing import furnish
-from hgs_core.scene.procedural.layout import CEILING_M, draw_layout
+from hgs_core.scene.procedural.layout import CEILING_M, draw_building, draw_layout
 from hgs_core.scene.procedural.mesh_builder import MeshBuilder, Surface
 from hgs_core.scene.procedural.shell import build_shell
 from hgs_core.scene.procedural.surfaces import house_surfaces
@@ -18,6 +18,16 @@ class PlainSurfaces(dict):
     def __missing__(self, name):
         self[name] = Surface(name=name, texture=np.full((2, 2, 3), 128, dtype=np.uint8), size_m=(1.0, 1.0))
         return self[name]
+
+
+def plain(draw, seed):
+    """Layout and furnished mesh of `draw`, without the cost of drawing textures."""
+    layout_seed, _, furniture_seed = np.random.SeedSequence(seed).spawn(3)
+    layout = draw(np.random.default_rng(layout_seed))
+    builder = MeshBuilder()
+    build_shell(builder, layout, PlainSurfaces())
+    furnish(builder, layout, PlainSurfaces(), np.random.default_rng(furniture_seed))
+    return layout, builder.mesh()
 
 
 @pytest.fixture(scope="module")
@@ -52,10 +62,33 @@ def test_layouts_keep_their_promises(seed):
         assert window.z[1] < CEILING_M
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_the_robot_reaches_every_room_of_the_furnished_house(seed):
-    layout = draw_layout(np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[0]))
-    caster = RayCaster(plain_house(seed))
+@pytest.mark.parametrize("seed", range(20))
+def test_office_floors_are_large_and_their_rooms_lie_apart(seed):
+    layout = draw_building(np.random.default_rng(seed))
+    assert 1000 <= layout.area_m2 <= 1300
+    for a, first in enumerate(layout.rooms):
+        assert min(first.x[1] - first.x[0], first.y[1] - first.y[0]) >= 1.9
+        for second in layout.rooms[a + 1 :]:
+            apart_x = max(second.x[0] - first.x[1], first.x[0] - second.x[1])
+            apart_y = max(second.y[0] - first.y[1], first.y[0] - second.y[1])
+            assert max(apart_x, apart_y) >= 0.13
+    for doorway in layout.doorways:
+        for number in doorway.rooms:
+            extent = layout.rooms[number].y if doorway.across_x else layout.rooms[number].x
+            assert extent[0] <= doorway.along[0]
+            assert doorway.along[1] <= extent[1]
+    reached = {0}
+    for _ in layout.rooms:
+        reached |= {k for doorway in layout.doorways if reached & set(doorway.rooms) for k in doorway.rooms}
+    assert len(reached) == len(layout.rooms)
+
+
+@pytest.mark.parametrize(
+    ("draw", "seed"), [(draw_layout, 1), (draw_layout, 3), (draw_building, 0), (draw_building, 2)]
+)
+def test_the_robot_reaches_every_furnished_room(draw, seed):
+    layout, mesh = plain(draw, seed)
+    caster = RayCaster(mesh)
     start = choose_start(caster, 0.25, 1.1)
     floor = FreeFloor.of(caster, BodyObstacles(caster.mesh, 1.1))
     reached = floor.reachable(start.x_m, start.y_m, 0.30)
@@ -106,7 +139,7 @@ def test_textures_are_detailed_where_they_cover_much(house):
 
 
 def test_the_same_seed_gives_the_same_house_and_another_gives_another(house):
-    again = plain_house(0)
+    again = plain(draw_layout, 0)[1]
     np.testing.assert_array_equal(again.vertices_m, house.mesh.vertices_m)
     np.testing.assert_array_equal(again.triangles, house.mesh.triangles)
     assert draw_layout(np.random.default_rng(1)) != draw_layout(np.random.default_rng(0))
@@ -120,12 +153,3 @@ def test_the_same_seed_gives_the_same_textures(house):
     for name, surface in surfaces.items():
         assert surface.name == name
         assert surface.size_m is None or min(surface.size_m) > 0.1
-
-
-def plain_house(seed):
-    layout_seed, _, furniture_seed = np.random.SeedSequence(seed).spawn(3)
-    layout = draw_layout(np.random.default_rng(layout_seed))
-    builder = MeshBuilder()
-    build_shell(builder, layout, PlainSurfaces())
-    furnish(builder, layout, PlainSurfaces(), np.random.default_rng(furniture_seed))
-    return builder.mesh()

@@ -1,11 +1,13 @@
-"""`build_house`: a furnished house from a seed."""
+"""Furnished worlds from a seed: a house, and a floor of an office building."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from hgs_core.scene.procedural.furnishing import furnish
-from hgs_core.scene.procedural.layout import draw_layout
+from hgs_core.scene.procedural.layout import Layout, draw_building, draw_layout
 from hgs_core.scene.procedural.mesh_builder import MeshBuilder
 from hgs_core.scene.procedural.shell import build_shell
 from hgs_core.scene.procedural.surfaces import house_surfaces
@@ -13,12 +15,19 @@ from hgs_core.scene.textured_mesh import TexturedMesh
 
 
 def build_house(seed: int) -> TexturedMesh:
-    """Five or six furnished rooms, floor at z = 0; the same seed gives the same house.
+    """Five or six furnished rooms, floor at z = 0; the same seed gives the same house."""
+    return _built(draw_layout, seed)
 
-    Layout, surfaces and furniture draw from streams of their own.
-    """
+
+def build_building(seed: int) -> TexturedMesh:
+    """An office floor of more than 1000 m2, furnished by the same hands as the house."""
+    return _built(draw_building, seed)
+
+
+def _built(draw: Callable[[np.random.Generator], Layout], seed: int) -> TexturedMesh:
+    """Layout, surfaces and furniture draw from streams of their own."""
     layout_seed, surface_seed, furniture_seed = np.random.SeedSequence(seed).spawn(3)
-    layout = draw_layout(np.random.default_rng(layout_seed))
+    layout = draw(np.random.default_rng(layout_seed))
     surfaces = house_surfaces(np.random.default_rng(surface_seed))
     builder = MeshBuilder()
     build_shell(builder, layout, surfaces)

@@ -1,4 +1,4 @@
-"""The plan of a house: rooms, doorways and windows, drawn by seed."""
+"""The plans of a house and of an office floor: rooms, doorways and windows, drawn by seed."""
 
 from __future__ import annotations
 
@@ -117,6 +117,75 @@ def draw_layout(rng: np.random.Generator) -> Layout:
     if rng.random() < 0.5:
         layout = _mirrored_y(layout)
     return layout
+
+
+def draw_building(rng: np.random.Generator) -> Layout:
+    """A floor of an office building: two long corridors with rooms on both sides, joined by two passages.
+
+    Clear floor is 1000 to 1300 m2; doorways are 1.0 m wide, openings of the corridors 1.8 m.
+    """
+    length = rng.uniform(44.0, 47.0)
+    depths = rng.uniform(5.2, 5.9, 4).tolist()
+    corridors = rng.uniform(2.3, 2.7, 2).tolist()
+    rows, halls, at = [], [], 0.0
+    for number, depth in enumerate(depths):
+        rows.append((at, at + depth))
+        at += depth + WALL_M
+        if number in (0, 2):
+            halls.append((at, at + corridors[number // 2]))
+            at += corridors[number // 2] + WALL_M
+    rooms = [Room(role=Role.HALL, x=(0.0, length), y=hall) for hall in halls]
+    doorways = []
+    # The passages take the place of rooms in both inner rows.
+    passages = [
+        (where * length, where * length + 2.0) for where in rng.uniform([0.2, 0.65], [0.35, 0.8]).tolist()
+    ]
+    for passage in passages:
+        number = len(rooms)
+        rooms.append(Room(role=Role.HALL, x=passage, y=(rows[1][0], rows[2][1])))
+        along = _span(passage, 0.5, 1.4)
+        for hall, wall_y in ((0, rows[1][0] - WALL_M), (1, rows[2][1])):
+            doorways.append(
+                Doorway(rooms=(hall, number), x=along, y=(wall_y, wall_y + WALL_M), across_x=False)
+            )
+    inner = [0.0, *(edge for a, b in passages for edge in (a - WALL_M, b + WALL_M)), length]
+    for row, span in enumerate(rows):
+        stretches = [(0.0, length)] if row in (0, 3) else list(zip(inner[::2], inner[1::2], strict=True))
+        hall = row // 2
+        wall_y = rows[row][1] if row in (0, 2) else rows[row][0] - WALL_M
+        for stretch in stretches:
+            for room_x in _cut(stretch, rng):
+                doorways.append(
+                    Doorway(
+                        rooms=(hall, len(rooms)),
+                        x=_span(room_x, rng.uniform(0.2, 0.8), 1.0),
+                        y=(wall_y, wall_y + WALL_M),
+                        across_x=False,
+                    )
+                )
+                rooms.append(Room(role=_role(room_x[1] - room_x[0], rng), x=room_x, y=span))
+    depth = rows[-1][1]
+    layout = Layout(rooms=tuple(rooms), doorways=tuple(doorways), windows=_windows(rooms, length, depth, rng))
+    return _shifted(layout, -length / 2, -depth / 2)
+
+
+def _cut(stretch: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Rooms side by side, 2.6 to 7.5 m wide, with walls between them."""
+    length = stretch[1] - stretch[0] + WALL_M
+    count = max(1, round(length / rng.uniform(4.6, 5.6)))
+    edges = np.linspace(0.0, length, count + 1)
+    edges[1:-1] += rng.uniform(-0.18, 0.18, count - 1) * (length / count)
+    lows, highs = stretch[0] + edges[:-1], stretch[0] + edges[1:] - WALL_M
+    return [(float(low), float(high)) for low, high in zip(lows, highs, strict=True)]
+
+
+def _role(width: float, rng: np.random.Generator) -> Role:
+    """Wide rooms are for meetings, narrow ones for washing, the rest mostly for work."""
+    if width > 5.4:
+        return Role.LIVING
+    if width < 3.9:
+        return Role.BATH if rng.random() < 0.5 else Role.STUDY
+    return (Role.STUDY, Role.STUDY, Role.BEDROOM, Role.KITCHEN)[rng.integers(4)]
 
 
 def _between_x(first: int, second: int, wall_x: float, along: tuple[float, float]) -> Doorway:
