@@ -29,8 +29,13 @@ test: ready-to-test ## Everything that must be green: lint, types, layers, tests
 	$(call step,pytest,$(VENV)/pytest)
 
 .PHONY: test-long
-test-long: ready-to-test ## The tests that take minutes: whole missions, the built wheel
+test-long: ready-to-test ## The tests that take minutes: whole missions, the built wheel, sanitizers
 	$(call step,pytest (slow),$(VENV)/pytest -m slow --timeout=7200)
+	$(call step,sanitizers,.ci/sanitize)
+
+.PHONY: sanitize
+sanitize: ready-to-test ## The kernels' tests under AddressSanitizer and UBSan, every variant
+	@.ci/sanitize
 
 .PHONY: lint
 lint: ready-to-test ## Lint, format and layer contracts

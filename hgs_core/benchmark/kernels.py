@@ -20,9 +20,11 @@ from pydantic import BaseModel, ConfigDict
 
 import hgs_core.native.kernels as kernels
 from hgs_core.benchmark.room import PLANNING_ROOM_M, RENDERING_ROOM_M, BenchmarkRoom
+from hgs_core.errors import ConfigError
 from hgs_core.gain.evaluator import PanoramaGainEvaluator
 from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.gsplat_backend import GsplatBackend
 from hgs_core.gaussians.optimise import LearningRates, LossWeights, optimise_step, time_step
 from hgs_core.gaussians.render import render
 from hgs_core.geometry.camera import CameraIntrinsics
@@ -69,6 +71,8 @@ class RenderingCase(_Figures):
     """Of the backward sweep alone: 33 operations an evaluation."""
     torch_reference_ratio: float | None
     """How many times as long one step takes in torch on the same processor; null where not measured."""
+    gsplat_forward_ratio: float | None
+    """How many times as long drawing takes with gsplat on the CUDA device; null where there is none."""
 
 
 class PlannerCase(_Figures):
@@ -102,6 +106,7 @@ def run_kernel_benchmark(*, repeats: int, with_torch: bool, progress: Progress) 
     """Measure everything. `repeats` runs each (their median counts); torch takes a minute."""
     progress("peak multiply-add throughput")
     peak_gflops = measure_peak_gflops()
+    gsplat, other_renderers = _gsplat()
     cases = []
     for n_gaussians in MAP_SIZES:
         progress(f"making a room of {n_gaussians:,} Gaussians")
@@ -109,7 +114,7 @@ def run_kernel_benchmark(*, repeats: int, with_torch: bool, progress: Progress) 
         for width, height in IMAGE_SIZES:
             progress(f"{n_gaussians:,} Gaussians at {width} x {height}")
             torch_too = with_torch and (width, height) == TORCH_IMAGE
-            cases.append(_rendering_case(room, width, height, peak_gflops, repeats, torch_too))
+            cases.append(_rendering_case(room, width, height, peak_gflops, repeats, torch_too, gsplat))
     planner = []
     for n_gaussians in PLANNER_MAP_SIZES:
         progress(f"{VIEWPOINTS} viewpoints in a room of {n_gaussians:,} Gaussians")
@@ -121,7 +126,7 @@ def run_kernel_benchmark(*, repeats: int, with_torch: bool, progress: Progress) 
         peak_gflops=peak_gflops,
         cases=cases,
         planner=planner,
-        other_renderers="none: no other renderer that runs without CUDA is installed",
+        other_renderers=other_renderers,
     )
 
 
@@ -148,8 +153,22 @@ def processor_name() -> str:
     return platform.processor() or platform.machine()
 
 
+def _gsplat() -> tuple[GsplatBackend | None, str]:
+    """The CUDA renderer where it can run, and what is to be said of it."""
+    try:
+        return GsplatBackend(), "gsplat on CUDA"
+    except ConfigError as error:
+        return None, f"none; {error}"
+
+
 def _rendering_case(
-    room: BenchmarkRoom, width: int, height: int, peak_gflops: float, repeats: int, with_torch: bool
+    room: BenchmarkRoom,
+    width: int,
+    height: int,
+    peak_gflops: float,
+    repeats: int,
+    with_torch: bool,
+    gsplat: GsplatBackend | None,
 ) -> RenderingCase:
     camera, pose = room.view(width, height)
     seen = render(room.gaussians, camera, pose)
@@ -189,6 +208,11 @@ def _rendering_case(
         backward_percent_of_peak=evaluations * kernels.BACKWARD_OPERATIONS / backward_s / peak_gflops / 1e7,
         torch_reference_ratio=(
             _torch_step_s(moved, rgb, depth_m, camera, pose) / iteration_s if with_torch else None
+        ),
+        gsplat_forward_ratio=(
+            None
+            if gsplat is None
+            else _median_s(lambda: gsplat.forward(moved, camera, pose), repeats) / (prepare_s + forward_s)
         ),
     )
 

@@ -36,4 +36,14 @@ def _torch() -> RenderBackend:
     return TorchBackend()
 
 
-_BACKENDS: Final[dict[str, Callable[[], RenderBackend]]] = {"native": NativeBackend, "torch": _torch}
+def _gsplat() -> RenderBackend:
+    from hgs_core.gaussians.gsplat_backend import GsplatBackend
+
+    return GsplatBackend()
+
+
+_BACKENDS: Final[dict[str, Callable[[], RenderBackend]]] = {
+    "native": NativeBackend,
+    "torch": _torch,
+    "gsplat": _gsplat,
+}
