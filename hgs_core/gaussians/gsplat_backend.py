@@ -1,8 +1,8 @@
 """Rendering on a CUDA device by gsplat (the extra `cuda`).
 
-gsplat projects ellipsoids; the model here is a sphere drawn as a disc of radius `f r / z` (see `rasterise.hpp`).
-Both agree when each Gaussian is given to gsplat as a flat disc parallel to the image plane. What is left differs
-by gsplat's own bounds: it caps alpha at 0.999 instead of 0.99.
+gsplat projects ellipsoids; the model here is a sphere drawn as a disc of radius `f r / z` (`rasterise.hpp`).
+Both agree when each Gaussian is given to gsplat as a flat disc parallel to the image plane. What is left is
+gsplat's own bound: it caps alpha at 0.999 instead of 0.99.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NEAR_M = 0.1
 
 
 class GsplatBackend:
-    """`RenderBackend` on the first CUDA device. Raises `ConfigError` where gsplat or the device is missing."""
+    """`RenderBackend` on the first CUDA device. Raises `ConfigError` where gsplat or a device is missing."""
 
     def __init__(self) -> None:
         import torch
