@@ -121,7 +121,7 @@ def _print_kernels(figures: KernelBenchmark) -> None:
     OUTPUT.print(table)
     OUTPUT.print(f"other renderers: {figures.other_renderers}", highlight=False)
     table = Table(title="viewpoint evaluation, the full circle each", title_justify="left")
-    for name in ("Gaussians", "viewpoints", "coverage ms", "quality ms", "both ms"):
+    for name in ("Gaussians", "viewpoints", "coverage ms", "quality ms", "both ms", "both, sampled ms"):
         table.add_column(name, justify="right")
     for row in figures.planner:
         table.add_row(
@@ -130,6 +130,7 @@ def _print_kernels(figures: KernelBenchmark) -> None:
             f"{row.coverage_ms:.1f}",
             f"{row.quality_ms:.1f}",
             f"{row.total_ms:.1f}",
+            f"{row.sampled_total_ms:.1f}",
         )
     OUTPUT.print(table)
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 from numpy import ndarray
 
 from hgs_core.gain.adaptive import adaptive_gains
 from hgs_core.gain.coverage import coverage_by_yaw
 from hgs_core.gain.field import GainField
-from hgs_core.gain.panorama import PanoramaGrid, march
-from hgs_core.gain.quality import quality_by_yaw
-from hgs_core.gain.viewpoint import GainConfig, ViewGains
+from hgs_core.gain.panorama import PanoramaGrid, Panoramas, march
+from hgs_core.gain.quality import quality_by_yaw, sampled_quality
+from hgs_core.gain.viewpoint import GainConfig, QualityMeasure, ViewGains
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
 
@@ -31,6 +31,7 @@ class PanoramaGainEvaluator:
     def __init__(self, config: GainConfig, intrinsics: CameraIntrinsics, range_m: float) -> None:
         self.config = config
         self._range_m = range_m
+        self._camera = intrinsics
         self._focal_px = float(np.sqrt(intrinsics.fx * intrinsics.fy))
         self._grid = PanoramaGrid.for_camera(
             intrinsics, n_azimuths=config.azimuth_bins, n_elevations=config.elevation_bins
@@ -55,9 +56,28 @@ class PanoramaGainEvaluator:
         coverage = coverage_by_yaw(
             self._grid, panoramas, self.config.coverage_measure, voxel_volume_m3=field.size_m**3
         )
-        quality = quality_by_yaw(self._grid, panoramas, gaussians_per_m2=field.gaussians_per_m2(near))
+        quality = quality_by_yaw(
+            self._grid,
+            self._quality(snapshot, positions_m, panoramas),
+            gaussians_per_m2=field.gaussians_per_m2(near),
+        )
         return adaptive_gains(
             self.config, self._grid.yaws_rad, coverage, quality, observed_share=observed_share
+        )
+
+    def _quality(
+        self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"], panoramas: Panoramas
+    ) -> Float32[ndarray, "n n_elevations n_azimuths"]:
+        if not self.config.use_quality or self.config.quality_measure is QualityMeasure.MODEL:
+            return panoramas.quality
+        return sampled_quality(
+            self._grid,
+            snapshot.gaussians,
+            positions_m,
+            prior_information=self.config.prior_information,
+            camera=self._camera,
+            range_m=self._range_m,
+            saturation_m=self.config.quality_saturation_m,
         )
 
     def _field_over(self, snapshot: MapSnapshot) -> GainField:

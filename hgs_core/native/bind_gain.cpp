@@ -79,6 +79,25 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<c
                        unseen_voxels.data(), quality.data());
 }
 
+void sample_fisher(Rows8 parameters, Rows8 information, Array<const float, nb::shape<-1, 6>> block_bounds,
+                   Array<const double, nb::shape<-1, 3>> positions, double tan_low, double tan_high, double range,
+                   float prior, float focal_px, float low_pass_px2, float saturation_m, Volume<float> score) {
+  const std::size_t n = parameters.shape(0);
+  if (information.shape(0) != n) throw nb::value_error("parameters and information differ in length");
+  if (block_bounds.shape(0) * hgs::BLOCK < n) throw nb::value_error("block_bounds does not cover all Gaussians");
+  if (score.shape(0) != positions.shape(0)) throw nb::value_error("one panorama a position is needed");
+  hgs::Panorama panorama{};
+  panorama.n_azimuth = static_cast<std::int64_t>(score.shape(2));
+  panorama.n_elevation = static_cast<std::int64_t>(score.shape(1));
+  panorama.tan_low = tan_low;
+  panorama.tan_high = tan_high;
+  panorama.range = range;
+  const nb::gil_scoped_release unlocked;
+  hgs::sample_fisher({parameters.data(), information.data(), nullptr, block_bounds.data(), static_cast<std::int64_t>(n)},
+                     positions.data(), static_cast<std::int64_t>(positions.shape(0)), panorama,
+                     {prior, focal_px, low_pass_px2, saturation_m}, score.data());
+}
+
 void slide_window(Volume<const float> panoramas, Array<const double, nb::ndim<2>> window,
                   Array<double, nb::ndim<2>> sums) {
   if (window.shape(0) != panoramas.shape(1) || window.shape(1) != panoramas.shape(2) ||
@@ -103,6 +122,9 @@ void bind_gain(nb::module_& m) {
   m.def("march_panoramas", &march_panoramas, "cells"_a, "positions"_a, "tan_low"_a, "tan_high"_a, "range"_a,
         "opaque_below"_a, "saturation"_a, "face_gap"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
         "March panoramas (n, elevation, azimuth) through cells (optical depth, unseen, quality); lengths in cells.");
+  m.def("sample_fisher", &sample_fisher, "parameters"_a, "information"_a, "block_bounds"_a, "positions"_a, "tan_low"_a,
+        "tan_high"_a, "range"_a, "prior"_a, "focal_px"_a, "low_pass_px2"_a, "saturation"_a, "score"_a,
+        "The exact Fisher score per pixel along each ray of panoramas (n, elevation, azimuth); lengths in metres.");
   m.def("slide_window", &slide_window, "panoramas"_a, "window"_a, "sums"_a,
         "Sum panoramas (n, elevation, azimuth) under a window turned to each azimuth.");
 }

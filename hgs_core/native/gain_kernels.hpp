@@ -2,6 +2,7 @@
 #pragma once
 #include <cstdint>
 
+#include "fisher_rays.hpp"
 #include "gain_rows.hpp"
 #include "panorama.hpp"
 #include "voxel_traversal.hpp"
@@ -46,5 +47,17 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
 // sums[i, k] = sum over e, m of window[e, m] * panoramas[i, e, (k + m) mod n_azimuth].
 void slide_window(const float* panoramas, std::int64_t n, std::int64_t n_rows, std::int64_t n_azimuth,
                   const double* window, double* sums);
+
+struct FisherRule {
+  float prior;         // lambda of Eq. 9
+  float focal_px;      // of the camera that is to look
+  float low_pass_px2;
+  float saturation_m;  // nearer than this, a Gaussian scores as from here; 0 = never
+};
+
+// The exact score along each ray of the panoramas of n places, per pixel: score (n, elevation, azimuth). `positions`
+// and `panorama.range` in metres; `panorama` needs its directions and range only.
+void sample_fisher(const InformedMap& map, const double* positions, std::int64_t n_positions, const Panorama& panorama,
+                   const FisherRule& rule, float* score);
 
 }  // namespace hgs

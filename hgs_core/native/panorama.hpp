@@ -10,6 +10,12 @@ struct PanoramaCell {
   float optical_depth = 0.0f, unseen = 0.0f, quality = 0.0f;
 };
 
+// Where in its bins a row's rays lie, 0 .. 1: by the golden ratio, so that directions spread evenly.
+inline double row_stagger(std::int64_t row) {
+  const double turns = 0.6180339887498949 * static_cast<double>(row + 1);
+  return turns - static_cast<double>(static_cast<std::int64_t>(turns));
+}
+
 struct PanoramaCells {
   const PanoramaCell* cells;
   std::int32_t shape[3];

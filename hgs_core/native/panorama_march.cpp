@@ -33,13 +33,11 @@ struct Directions {
   std::vector<float> dx, dy, dz, length;
 
   explicit Directions(const Panorama& panorama) {
-    constexpr double kGolden = 0.6180339887498949;
     const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
     const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
     for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
       for (std::int64_t row = 0; row < panorama.n_elevation; ++row) {
-        const double stagger = kGolden * (row + 1);
-        const double phi = (azimuth + stagger - std::floor(stagger)) * d_phi - std::numbers::pi;
+        const double phi = (azimuth + row_stagger(row)) * d_phi - std::numbers::pi;
         const double u = panorama.tan_low + (row + 0.5) * d_u;
         dx.push_back(static_cast<float>(panorama.range * std::cos(phi)));
         dy.push_back(static_cast<float>(panorama.range * std::sin(phi)));

@@ -94,6 +94,19 @@ HGS_INLINE VFloat gather(const float* base, VInt index, VInt mask) {
 #endif
 }
 
+// Bit i is set where lane i of the mask is.
+HGS_INLINE std::uint32_t lane_bits(VInt mask) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask);
+#elif defined(__AVX2__)
+  return static_cast<std::uint32_t>(_mm256_movemask_ps((__m256)mask));
+#else
+  std::uint32_t bits = 0;
+  for (int i = 0; i < LANES; ++i) bits |= mask[i] != 0 ? 1u << i : 0u;
+  return bits;
+#endif
+}
+
 HGS_INLINE bool any(VInt mask) {
 #if defined(__AVX512F__)
   return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask) != 0;

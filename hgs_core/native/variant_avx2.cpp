@@ -1,4 +1,5 @@
 #define HGS_VARIANT avx2
+#include "fisher_rays_variant.hpp"
 #include "gain_rows_variant.hpp"
 #include "multiply_add_variant.hpp"
 #include "panorama_variant.hpp"
@@ -11,7 +12,8 @@ const VariantKernels KERNELS_AVX2 = {
     "avx2",
     {avx2::forward, avx2::backward, avx2::stages, avx2::optimise, avx2::information,
      avx2::quality_image},
-    {avx2::gather_rows, avx2::information_sums, avx2::march_rays},
+    {avx2::gather_rows, avx2::information_sums, avx2::march_rays, avx2::prepare_ray_block,
+     avx2::hit_rays},
     avx2::multiply_add,
 };
 }  // namespace hgs

@@ -1,4 +1,5 @@
 #define HGS_VARIANT avx512
+#include "fisher_rays_variant.hpp"
 #include "gain_rows_variant.hpp"
 #include "multiply_add_variant.hpp"
 #include "panorama_variant.hpp"
@@ -11,7 +12,8 @@ const VariantKernels KERNELS_AVX512 = {
     "avx512",
     {avx512::forward, avx512::backward, avx512::stages, avx512::optimise, avx512::information,
      avx512::quality_image},
-    {avx512::gather_rows, avx512::information_sums, avx512::march_rays},
+    {avx512::gather_rows, avx512::information_sums, avx512::march_rays, avx512::prepare_ray_block,
+     avx512::hit_rays},
     avx512::multiply_add,
 };
 }  // namespace hgs

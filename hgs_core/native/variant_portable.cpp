@@ -1,4 +1,5 @@
 #define HGS_VARIANT portable
+#include "fisher_rays_variant.hpp"
 #include "gain_rows_variant.hpp"
 #include "multiply_add_variant.hpp"
 #include "panorama_variant.hpp"
@@ -11,7 +12,8 @@ const VariantKernels KERNELS_PORTABLE = {
     "portable",
     {portable::forward, portable::backward, portable::stages, portable::optimise, portable::information,
      portable::quality_image},
-    {portable::gather_rows, portable::information_sums, portable::march_rays},
+    {portable::gather_rows, portable::information_sums, portable::march_rays, portable::prepare_ray_block,
+     portable::hit_rays},
     portable::multiply_add,
 };
 }  // namespace hgs

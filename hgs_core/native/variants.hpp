@@ -1,5 +1,6 @@
 // What is compiled once per instruction set: the table of entry points that every variant fills.
 #pragma once
+#include "fisher_rays.hpp"
 #include "gain_rows.hpp"
 #include "panorama.hpp"
 #include "rasterise.hpp"
@@ -10,6 +11,8 @@ struct GainKernels {
   GatherRows gather;
   SumInformation information_sums;
   MarchRays march;
+  PrepareRayBlock prepare_ray_block;
+  HitRays hit_rays;
 };
 
 struct VariantKernels {
