@@ -111,10 +111,11 @@ double score_of(const Layer* layers, int n, const Ray& ray, const FisherRule& ru
 // All hits of one viewpoint, grouped by ray and sorted by depth.
 class HitLists {
  public:
+  // `bounds` are those of the first blocks; there may be room for more.
   void collect(const std::vector<RayBlock>& blocks, const std::vector<const float*>& bounds, const float* from,
                const RayGrid& grid) {
     std::int64_t n = 0;
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
+    for (std::size_t b = 0; b < bounds.size(); ++b) {
       const float dx = std::max({bounds[b][0] - from[0], 0.0f, from[0] - bounds[b][3]});
       const float dy = std::max({bounds[b][1] - from[1], 0.0f, from[1] - bounds[b][4]});
       if (dx * dx + dy * dy > grid.range * grid.range) continue;

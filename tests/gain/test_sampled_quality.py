@@ -80,6 +80,15 @@ def test_scores_do_not_depend_on_the_threads(room: BenchmarkRoom) -> None:
     np.testing.assert_array_equal(*scores)
 
 
+def test_a_small_map_after_a_large_one_scores_as_before_it(room: BenchmarkRoom) -> None:
+    grid = PanoramaGrid.for_camera(WIDE, n_azimuths=60, n_elevations=16)
+    small = BenchmarkRoom.furnished((2.0, 2.0, 2.2), 900)
+    small.snapshot()
+    before = sampled(small, WIDE, grid, small.viewpoints_m(2))
+    sampled(room, WIDE, grid, room.viewpoints_m(2))
+    np.testing.assert_array_equal(sampled(small, WIDE, grid, small.viewpoints_m(2)), before)
+
+
 def test_nearness_beyond_saturation_gains_no_more(room: BenchmarkRoom) -> None:
     gains = [
         PanoramaGainEvaluator(
