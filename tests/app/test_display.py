@@ -3,7 +3,7 @@ import pytest
 
 from app.missions.colour_maps import BEYOND_RANGE, NO_RETURN, colourise, colourise_depth, colourise_log, ramp
 from app.missions.display import CANDIDATE_STATUSES, SUBSPACE_STATES, DisplayView, slot_bytes
-from app.missions.display_builder import display_view
+from app.missions.display_builder import GAP_FACTOR, display_view
 from app.missions.transport import ArraySlot
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.planning.plan import CandidateStatus, SubspaceState
@@ -48,7 +48,11 @@ def test_of_a_large_map_every_kth_splat_is_shown_enlarged(mission_view):
     made = display_view(mission_view, max_splats=total // 3, max_image_width=640)
     assert len(made.splat_centres_m) <= total // 3
     stride = round(total / len(made.splat_centres_m))
-    np.testing.assert_allclose(made.splat_radii_m, 0.05 * np.sqrt(stride), rtol=1e-5)
+    whole = display_view(mission_view, max_splats=total, max_image_width=640)
+    np.testing.assert_allclose(made.splat_radii_m, 0.05 * GAP_FACTOR * np.sqrt(stride), rtol=1e-5)
+    np.testing.assert_allclose(whole.splat_radii_m, 0.05, rtol=1e-5)
+    through = 1.0 - whole.splat_opacities[::stride] / 255.0
+    np.testing.assert_allclose(made.splat_opacities / 255.0, 1.0 - through**stride, atol=0.02)
     again = display_view(mission_view, max_splats=total // 3, max_image_width=640)
     np.testing.assert_array_equal(made.splat_centres_m, again.splat_centres_m)
 

@@ -230,9 +230,10 @@ def test_a_start_that_cannot_be_used_is_replaced_and_stated(tmp_path, text, word
 
 
 def test_built_in_names():
-    assert list_scenes() == ("house",)
-    with pytest.raises(SceneError, match="expected house or house:SEED"):
-        open_scene("house:blue")
+    assert list_scenes() == ("house", "building")
+    for name in list_scenes():
+        with pytest.raises(SceneError, match=f"expected {name} or {name}:SEED"):
+            open_scene(f"{name}:blue")
 
 
 @pytest.mark.parametrize(
