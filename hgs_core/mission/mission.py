@@ -167,17 +167,18 @@ class Mission:
         self._note_progress()
         self._plan = answer
         self._robot.advance(self._limits.planning_time_s)
-        self._robot.follow(answer.path)
+        # The robot waits at the view until a frame has seen what was to be seen there, and the next plan.
+        self._robot.follow(answer.path.to_first_view())
         self._report_plan(answer, reason)
 
     def _why_plan(self) -> str | None:
         if self._plan is None:
             return "first look finished" if self._robot.arrived else None
-        if self._robot.arrived:
-            return "arrived"
         passed = self._robot.waypoints_passed
         if np.isfinite(self._plan.path.yaws_rad[:passed]).any():
             return "viewpoint taken"
+        if self._robot.arrived:
+            return "arrived"
         return self._planner.should_replan(self._mapper.snapshot(), self._robot.state, self._plan, passed)
 
     def _should_end(self) -> bool:

@@ -33,6 +33,12 @@ class Path:
     def empty() -> Path:
         return Path(positions_m=np.zeros((0, 2)), yaws_rad=np.zeros(0))
 
+    def to_first_view(self) -> Path:
+        """The path as far as its first viewpoint, there included; all of it where there is none."""
+        views = np.flatnonzero(np.isfinite(self.yaws_rad))
+        end = int(views[0]) + 1 if len(views) else len(self.yaws_rad)
+        return Path(positions_m=self.positions_m[:end], yaws_rad=self.yaws_rad[:end])
+
     @property
     def length_m(self) -> float:
         return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())

@@ -12,6 +12,7 @@ from hgs_core.evaluation.trajectory import read_trajectory
 from hgs_core.gaussians.ply import read_ply
 from hgs_core.mission.events import Command, MissionEvent, MissionView, PhaseChanged, PlanMade, Telemetry
 from hgs_core.mission.run import MissionRequest, NoCommands, run_mission
+from hgs_core.planning.views import ViewMemory
 
 
 class Heard:
@@ -78,6 +79,26 @@ def test_a_mission_leaves_a_complete_folder_and_repeats_exactly(tmp_path: Path) 
     lines = (tmp_path / "a" / "events.jsonl").read_text().splitlines()
     assert [json.loads(line)["kind"] for line in lines] == [event.kind for event in heard.events]
     assert [shape for _, shape in heard.views] == [(170, 300, 3)] * 2
+
+
+def test_every_view_that_ends_a_plan_is_remembered_as_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The robot stands at the view when it plans anew: one that had turned on would take it for ever."""
+    taken: list[tuple[float, float, float]] = []
+    remember = ViewMemory.add
+
+    def add(memory: ViewMemory, x_m: float, y_m: float, yaw_rad: float, *, remaining_share: float) -> None:
+        taken.append((x_m, y_m, yaw_rad))
+        remember(memory, x_m, y_m, yaw_rad, remaining_share=remaining_share)
+
+    monkeypatch.setattr(ViewMemory, "add", add)
+    heard = Heard()
+    run_mission(request(tmp_path / "run", time_s=20.0), observer=heard, commands=NoCommands())
+    plans = [event for event in heard.events if isinstance(event, PlanMade)]
+    after_views = [plan for plan in plans if plan.reason.startswith("viewpoint taken")]
+    assert len(after_views) >= 3
+    assert len(taken) >= len(after_views)
 
 
 def test_stop_waits_for_no_frame_and_leaves_a_complete_folder(tmp_path: Path) -> None:
