@@ -119,7 +119,7 @@ def _print_kernels(figures: KernelBenchmark) -> None:
             "-" if case.torch_reference_ratio is None else f"{case.torch_reference_ratio:.0f} times as long",
         )
     OUTPUT.print(table)
-    OUTPUT.print(f"other renderers: {figures.other_renderers}", highlight=False)
+    OUTPUT.print(f"other renderers: {figures.other_renderers}", highlight=False, markup=False, soft_wrap=True)
     table = Table(title="viewpoint evaluation, the full circle each", title_justify="left")
     for name in ("Gaussians", "viewpoints", "coverage ms", "quality ms", "both ms", "both, sampled ms"):
         table.add_column(name, justify="right")
