@@ -34,7 +34,7 @@ class GainConfig(StrictConfig):
 
     coverage_measure: CoverageMeasure = CoverageMeasure.VOLUME
     quality_measure: QualityMeasure = QualityMeasure.MODEL
-    """`sampled` ranks views as the exact Fisher score does and costs some 10 ms a viewpoint and core. Its
+    """`sampled` ranks views as the exact Fisher score does and costs 15 to 20 ms a viewpoint and core. Its
     values are about five times those of `model`: scale `quality_scale_m2` with it."""
     use_coverage: bool = True
     """False: quality alone (the paper's V3)."""
