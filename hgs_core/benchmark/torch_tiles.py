@@ -14,8 +14,7 @@ from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray
 from torch import Tensor
 
-from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, LOGIT_OPACITY, RGB
-from hgs_core.gaussians.torch_backend import MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE, NEAR_M
+from hgs_core.gaussians.torch_backend import MIN_ALPHA, project
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
@@ -27,19 +26,11 @@ def splat_tiles(
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"], Float[Tensor, "height width"]]:
     """The sums C, D and A of every pixel (HGS-Planner Eq. 2), differentiable by `parameters`."""
     dtype = parameters.dtype
-    world_to_camera = torch.from_numpy(T_world_camera.inverse().as_matrix()).to(dtype)
-    camera = parameters[:, CENTRE] @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
-    in_front = torch.nonzero(camera[:, 2] > NEAR_M).squeeze(1)
-    front_to_back = in_front[torch.argsort(camera[in_front, 2], stable=True)]
-    x, y, z = camera[front_to_back].unbind(dim=1)
-    chosen = parameters[front_to_back]
-    u = intrinsics.fx * x / z + intrinsics.cx
-    v = intrinsics.fy * y / z + intrinsics.cy
-    variance = intrinsics.fx * intrinsics.fy * torch.exp(2.0 * chosen[:, LOG_RADIUS]) / z**2
-    variance = variance + intrinsics.low_pass_px2
-    opacity = torch.sigmoid(chosen[:, LOGIT_OPACITY])
+    seen = project(parameters, intrinsics, T_world_camera)
+    u, v = seen.u, seen.v
     with torch.no_grad():
-        reach = torch.sqrt(2.0 * variance * torch.log((opacity / MIN_ALPHA).clamp(min=1.0)))
+        reach = torch.sqrt(2.0 * seen.variance * torch.log((seen.opacity / MIN_ALPHA).clamp(min=1.0)))
+    features = torch.cat([seen.rgb, seen.z[:, None], torch.ones_like(seen.z[:, None])], dim=1)
     rows = []
     for top in range(0, intrinsics.height, TILE):
         bottom = min(top + TILE, intrinsics.height)
@@ -50,18 +41,8 @@ def splat_tiles(
             here = in_row[(u[in_row] + reach[in_row] >= left) & (u[in_row] - reach[in_row] <= right)]
             columns = torch.arange(left, right, dtype=dtype) + 0.5
             lines = torch.arange(top, bottom, dtype=dtype) + 0.5
-            across = (columns - u[here, None]) ** 2
-            down = (lines - v[here, None]) ** 2
-            squared = across[:, None, :] + down[:, :, None]
-            unclamped = opacity[here, None, None] * torch.exp(-squared / (2.0 * variance[here, None, None]))
-            alpha = torch.where(
-                unclamped >= MIN_ALPHA, unclamped.clamp(max=MAX_ALPHA), torch.zeros_like(unclamped)
-            )
-            after = torch.cumprod(1.0 - alpha, dim=0)
-            before = torch.cat([torch.ones_like(after[:1]), after[:-1]]) if len(here) else after
-            weight = torch.where(before >= MIN_TRANSMITTANCE, alpha * before, torch.zeros_like(alpha))
-            features = torch.cat([chosen[here, RGB], z[here, None], torch.ones_like(z[here, None])], dim=1)
-            tiles.append(torch.einsum("nhw,nc->hwc", weight, features))
+            weight = seen.weights(here, columns, lines)
+            tiles.append(torch.einsum("nhw,nc->hwc", weight, features[here]))
         rows.append(torch.cat(tiles, dim=1))
     sums = torch.cat(rows, dim=0)
     return sums[..., :3], sums[..., 3], sums[..., 4]

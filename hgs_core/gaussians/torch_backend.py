@@ -6,9 +6,11 @@ against, not a way to draw a house.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int64
 from numpy import ndarray
 from torch import Tensor
 
@@ -60,30 +62,59 @@ def splat(
     parameters: Float[Tensor, "n 8"], intrinsics: CameraIntrinsics, T_world_camera: SE3
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"], Float[Tensor, "height width"]]:
     """The sums C, D and A of every pixel (HGS-Planner Eq. 2), differentiable by `parameters`."""
-    dtype = parameters.dtype
-    world_to_camera = torch.from_numpy(T_world_camera.inverse().as_matrix()).to(dtype)
+    seen = project(parameters, intrinsics, T_world_camera)
+    columns = torch.arange(intrinsics.width, dtype=parameters.dtype) + 0.5
+    rows = torch.arange(intrinsics.height, dtype=parameters.dtype) + 0.5
+    weight = seen.weights(slice(None), columns, rows)
+
+    colour = torch.einsum("nhw,nc->hwc", weight, seen.rgb)
+    depth = torch.einsum("nhw,n->hw", weight, seen.z)
+    return colour, depth, weight.sum(dim=0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScreenSplats:
+    """The Gaussians in front of the camera, front to back: on the screen [px], depth `z` [m]."""
+
+    u: Float[Tensor, " n"]
+    v: Float[Tensor, " n"]
+    z: Float[Tensor, " n"]
+    variance: Float[Tensor, " n"]
+    opacity: Float[Tensor, " n"]
+    rgb: Float[Tensor, "n 3"]
+
+    def weights(
+        self, which: Int64[Tensor, " k"] | slice, columns: Float[Tensor, " w"], rows: Float[Tensor, " h"]
+    ) -> Float[Tensor, "k h w"]:
+        """`alpha T` of the chosen ones, in their order, at the pixels of some rows and columns."""
+        across = (columns - self.u[which, None, None]) ** 2
+        down = (rows[:, None] - self.v[which, None, None]) ** 2
+        variance, opacity = self.variance[which, None, None], self.opacity[which, None, None]
+        unclamped = opacity * torch.exp(-(across + down) / (2.0 * variance))
+        alpha = torch.where(
+            unclamped >= MIN_ALPHA, unclamped.clamp(max=MAX_ALPHA), torch.zeros_like(unclamped)
+        )
+        after = torch.cumprod(1.0 - alpha, dim=0)
+        before = torch.cat([torch.ones_like(after[:1]), after[:-1]])
+        return torch.where(before >= MIN_TRANSMITTANCE, alpha * before, torch.zeros_like(alpha))
+
+
+def project(
+    parameters: Float[Tensor, "n 8"], intrinsics: CameraIntrinsics, T_world_camera: SE3
+) -> ScreenSplats:
+    """What `parameters` are on the screen, differentiable by them."""
+    world_to_camera = torch.from_numpy(T_world_camera.inverse().as_matrix()).to(parameters.dtype)
     camera = parameters[:, CENTRE] @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
     in_front = torch.nonzero(camera[:, 2] > NEAR_M).squeeze(1)
     front_to_back = in_front[torch.argsort(camera[in_front, 2], stable=True)]
     x, y, z = camera[front_to_back].unbind(dim=1)
     chosen = parameters[front_to_back]
-
-    u = intrinsics.fx * x / z + intrinsics.cx
-    v = intrinsics.fy * y / z + intrinsics.cy
     focal_squared = intrinsics.fx * intrinsics.fy
-    variance = focal_squared * torch.exp(2.0 * chosen[:, LOG_RADIUS]) / z**2 + intrinsics.low_pass_px2
-    opacity = torch.sigmoid(chosen[:, LOGIT_OPACITY])
-
-    columns = torch.arange(intrinsics.width, dtype=dtype) + 0.5
-    rows = torch.arange(intrinsics.height, dtype=dtype) + 0.5
-    squared_distance = (columns - u[:, None, None]) ** 2 + (rows[:, None] - v[:, None, None]) ** 2
-    unclamped = opacity[:, None, None] * torch.exp(-squared_distance / (2.0 * variance[:, None, None]))
-    alpha = torch.where(unclamped >= MIN_ALPHA, unclamped.clamp(max=MAX_ALPHA), torch.zeros_like(unclamped))
-
-    after = torch.cumprod(1.0 - alpha, dim=0)
-    before = torch.cat([torch.ones_like(after[:1]), after[:-1]])
-    weight = torch.where(before >= MIN_TRANSMITTANCE, alpha * before, torch.zeros_like(alpha))
-
-    colour = torch.einsum("nhw,nc->hwc", weight, chosen[:, RGB])
-    depth = torch.einsum("nhw,n->hw", weight, z)
-    return colour, depth, weight.sum(dim=0)
+    return ScreenSplats(
+        u=intrinsics.fx * x / z + intrinsics.cx,
+        v=intrinsics.fy * y / z + intrinsics.cy,
+        z=z,
+        variance=focal_squared * torch.exp(2.0 * chosen[:, LOG_RADIUS]) / z**2 + intrinsics.low_pass_px2,
+        opacity=torch.sigmoid(chosen[:, LOGIT_OPACITY]),
+        rgb=chosen[:, RGB],
+    )
