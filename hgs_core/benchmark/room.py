@@ -82,7 +82,6 @@ class BenchmarkRoom:
         rng = np.random.default_rng(1)
         size = self.gaussians.size
         self.gaussians.information[:size] = rng.gamma(2.0, 10.0, (size, 8))
-        self.gaussians.information_weight[:size] = rng.gamma(2.0, 0.1, size)
         return MapSnapshot(gaussians=self.gaussians, voxels=voxels, version=1, timestamp_s=0.0)
 
     def viewpoints_m(self, n: int) -> Float[ndarray, "n 3"]:

@@ -20,5 +20,5 @@ def coverage_by_yaw(
     grows with the camera's resolution. A voxel that was dismissed (looked at in vain) gains nothing.
     """
     if measure is CoverageMeasure.VOLUME:
-        return by_yaw(panoramas.unseen_volume_m3, grid.visible)
-    return by_yaw(panoramas.unseen_voxels, grid.visible) * (grid.pixels_per_ray * voxel_volume_m3)
+        return by_yaw(panoramas.unseen_volume_m3, grid.window())
+    return by_yaw(panoramas.unseen_voxels, grid.window()) * (grid.pixels_per_ray * voxel_volume_m3)

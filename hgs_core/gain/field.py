@@ -1,4 +1,4 @@
-"""What each voxel near the viewpoints means to a ray: how opaque it is, and what seeing it is worth."""
+"""What each voxel near the viewpoints means to a ray: how opaque it is, and whether seeing it is a gain."""
 
 from __future__ import annotations
 
@@ -10,21 +10,13 @@ from jaxtyping import Bool, Float, Float32, Int, Int64
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
-from hgs_core.gaussians.gaussian_map import N_PARAMETERS
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.voxels.voxel_map import VoxelMap
-
-SEEN_ONCE_FROM_M: Final = 2.5
-"""A Gaussian that no keyframe has seen counts as seen once from here [m]: some frame did see it."""
-
-HARDLY_SEEN_FROM_M: Final = 8.0
-"""However little is known of a Gaussian, it counts as seen once from here [m]: nothing that stays hidden for
-ever may outweigh a whole room."""
 
 MIN_OPACITY: Final = 0.005
 """Fainter Gaussians are on their way out of the map and count for nothing."""
 
-OPTICAL_DEPTH, UNSEEN, QUALITY = 0, 1, 2
+OPTICAL_DEPTH, UNSEEN = 0, 1
 """Channels of `GainField.cells`."""
 
 
@@ -37,15 +29,14 @@ class GainField:
     """The voxels of a map, gathered chunk by chunk where they are asked for.
 
     `cells[..., 0]` is a voxel's optical depth over one edge length, `cells[..., 1]` is 1 where seeing it is
-    coverage, `cells[..., 2]` is `Q_v`: the expected sum of information ratios of its Gaussians in a view
-    from 1 m away [m^2], to be divided by the squared distance.
+    a gain.
     """
 
     first_index: Int[ndarray, " 3"]
     """Global voxel index of `cells[0, 0, 0]`."""
     size_m: float
     """Edge of a voxel."""
-    cells: Float32[ndarray, "nx ny nz 3"]
+    cells: Float32[ndarray, "nx ny nz 2"]
     n_gaussians: Int64[ndarray, "n_chunks_x n_chunks_y"]
     """Gaussians in each chunk."""
     n_populated: Int64[ndarray, "n_chunks_x n_chunks_y"]
@@ -61,7 +52,7 @@ class GainField:
         return GainField(
             first_index=voxels.origin_index.copy(),
             size_m=voxels.config.size_m,
-            cells=np.zeros((*shape, 3), np.float32),
+            cells=np.zeros((*shape, 2), np.float32),
             n_gaussians=np.zeros(n_chunks, np.int64),
             n_populated=np.zeros(n_chunks, np.int64),
             is_gathered=np.zeros(n_chunks, bool),
@@ -86,27 +77,12 @@ class GainField:
             near[i:end_i, j:end_j] = True
         return near
 
-    def gather(
-        self,
-        snapshot: MapSnapshot,
-        chunks: Bool[ndarray, "n_chunks_x n_chunks_y"],
-        *,
-        prior_information: float,
-        focal_px: float,
-    ) -> None:
+    def gather(self, snapshot: MapSnapshot, chunks: Bool[ndarray, "n_chunks_x n_chunks_y"]) -> None:
         """Fill those of the chunks that are not gathered yet. The snapshot's voxels are this field's.
 
-        Opacity: a Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth
-        of the voxel that holds its centre. Occupied voxels let nothing through whatever their Gaussians, and
-        neither do dismissed ones (looked at in vain too often); other unobserved voxels are transparent, as
-        in Eq. 4.
-
-        Quality (Eq. 9 in its trace form): with `I_ik` the training information of parameter `k` of Gaussian
-        `i`, one more view from distance `d` gains `q_i / d^2`, `q_i = c_i / I_i,colour * sum_k I_ik / (I_ik +
-        prior)`, where `c_i` is the colour information expected from 1 m: that of its bare splat, `pi o^2
-        (focal_px r)^2`, times the share that neighbours on the surface leave uncovered, as measured on the
-        training views. So what was seen from afar, at a grazing angle or half hidden promises more than what
-        was seen well.
+        A Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth of the
+        voxel that holds its centre. Occupied voxels let nothing through whatever their Gaussians, and neither
+        do dismissed ones (looked at in vain too often); other unobserved voxels are transparent, as in Eq. 4.
         """
         voxels, gaussians = snapshot.voxels, snapshot.gaussians
         wanted = chunks & ~self.is_gathered
@@ -114,18 +90,12 @@ class GainField:
             return
         kernels.gather_gain(
             gaussians.parameters[: gaussians.size],
-            gaussians.information[: gaussians.size],
-            gaussians.information_weight[: gaussians.size],
             gaussians.block_bounds,
             voxels.states,
             voxels.attempts,
             voxels.config.max_attempts,
             self.first_index * self.size_m,
             self.size_m,
-            prior_information,
-            focal_px,
-            N_PARAMETERS * SEEN_ONCE_FROM_M**2,
-            N_PARAMETERS * HARDLY_SEEN_FROM_M**2,
             MIN_OPACITY,
             wanted,
             self.cells,

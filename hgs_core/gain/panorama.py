@@ -16,9 +16,6 @@ from hgs_core.geometry.camera import CameraIntrinsics
 OPAQUE_BELOW: Final = 0.01
 """A ray ends where less than this is left of it."""
 
-FACE_GAP_VOXELS: Final = 1.0
-"""Opaque voxels that lie no farther apart along a ray are one face, which does not hide its own Gaussians."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PanoramaGrid:
@@ -33,11 +30,10 @@ class PanoramaGrid:
     n_elevations: int
     tan_low: float
     tan_high: float
-    visible: Float64[ndarray, "n_elevations n_azimuths"]
-    """`visible[e, m]`: share of a bin that the camera sees when its axis points at the lower edge of the bin
-    `m` places before it."""
-    visible_over_z2: Float64[ndarray, "n_elevations n_azimuths"]
-    """The same, weighted with (horizontal distance / z-depth)^2 = 1 / cos^2(delta)."""
+    first_rad: Float64[ndarray, "n_elevations n_azimuths"]
+    """The part `[first_rad[e, m], last_rad[e, m]]` of a bin that the camera sees, as angles off its axis,
+    when that points at the lower edge of the bin `m` places before it; empty where they are equal."""
+    last_rad: Float64[ndarray, "n_elevations n_azimuths"]
     pixels_per_ray: float
     """Image pixels for each ray of the panorama that the camera sees."""
 
@@ -50,6 +46,17 @@ class PanoramaGrid:
         """The yaws of the sliding window: the lower edges of the azimuth bins."""
         yaws: Float[ndarray, " n_yaws"] = -np.pi + self.azimuth_step_rad * np.arange(self.n_azimuths)
         return yaws
+
+    def window(self, power: int = 0) -> Float64[ndarray, "n_elevations n_azimuths"]:
+        """The mean over each bin of `1 / cos(angle off the axis)^power` where the camera sees it, else 0.
+
+        With power 0, the share of the bin that is seen.
+        """
+        nodes, weights = np.polynomial.legendre.leggauss(4)
+        width = self.last_rad - self.first_rad
+        angles = self.first_rad[..., None] + width[..., None] * (nodes + 1) / 2
+        means: Float64[ndarray, "n_elevations n_azimuths"] = (np.cos(angles) ** -power) @ (weights / 2)
+        return means * width / self.azimuth_step_rad
 
     @staticmethod
     def for_camera(camera: CameraIntrinsics, *, n_azimuths: int, n_elevations: int) -> PanoramaGrid:
@@ -67,15 +74,15 @@ class PanoramaGrid:
         lower = np.where(lower >= np.pi - step / 4, lower - 2 * np.pi, lower)
         first = np.clip(lower[None, :], right[:, None], left[:, None])
         last = np.clip(lower[None, :] + step, right[:, None], left[:, None])
-        visible = (last - first) / step
+        seen_bins = float((last - first).sum()) / step
         return PanoramaGrid(
             n_azimuths=n_azimuths,
             n_elevations=n_elevations,
             tan_low=tan_low,
             tan_high=tan_high,
-            visible=visible,
-            visible_over_z2=(np.tan(last) - np.tan(first)) / step,
-            pixels_per_ray=camera.width * camera.height / float(visible.sum()),
+            first_rad=first,
+            last_rad=last,
+            pixels_per_ray=camera.width * camera.height / seen_bins,
         )
 
 
@@ -87,25 +94,15 @@ class Panoramas:
     """Unobserved volume, weighted with the transmittance before it."""
     unseen_voxels: Float32[ndarray, "n n_elevations n_azimuths"]
     """Unobserved voxels on the direction's ray, weighted likewise (the sum of Eq. 4 without `V`)."""
-    quality: Float32[ndarray, "n n_elevations n_azimuths"]
-    """Sum of information ratios (Eq. 9), as if z-depth were horizontal distance."""
 
 
 def march(
-    grid: PanoramaGrid,
-    field: GainField,
-    positions_m: Float[ndarray, "n 3"],
-    *,
-    range_m: float,
-    saturation_m: float = 0.0,
+    grid: PanoramaGrid, field: GainField, positions_m: Float[ndarray, "n 3"], *, range_m: float
 ) -> Panoramas:
-    """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance.
-
-    Nearer than `saturation_m` a surface's quality gains no more than from there.
-    """
+    """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance."""
     size_m = field.size_m
     shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
-    volume, voxels, quality = (np.zeros(shape, np.float32) for _ in range(3))
+    volume, voxels = (np.zeros(shape, np.float32) for _ in range(2))
     if field.cells.size:
         kernels.march_panoramas(
             field.cells,
@@ -114,18 +111,11 @@ def march(
             grid.tan_high,
             range_m / size_m,
             OPAQUE_BELOW,
-            saturation_m / size_m,
-            FACE_GAP_VOXELS,
             volume,
             voxels,
-            quality,
         )
-    # The kernel measures in voxels: volume in voxels, quality for distances in voxels.
-    return Panoramas(
-        unseen_volume_m3=volume * np.float32(size_m**3),
-        unseen_voxels=voxels,
-        quality=quality / np.float32(size_m**2),
-    )
+    # The kernel measures in voxels.
+    return Panoramas(unseen_volume_m3=volume * np.float32(size_m**3), unseen_voxels=voxels)
 
 
 def by_yaw(

@@ -21,43 +21,30 @@ class CoverageMeasure(StrEnum):
     PAPER = "paper"
 
 
-class QualityMeasure(StrEnum):
-    """`model`: foretold from what each voxel's Gaussians were seen with; the fastest, and smooth. `sampled`:
-    the exact score along a sample of the rays, one a bin of the panorama."""
-
-    MODEL = "model"
-    SAMPLED = "sampled"
-
-
 class GainConfig(StrictConfig):
     """How viewpoints are scored (HGS-Planner Eq. 4-10)."""
 
     coverage_measure: CoverageMeasure = CoverageMeasure.VOLUME
-    quality_measure: QualityMeasure = QualityMeasure.MODEL
-    """`sampled` ranks views as the exact Fisher score does and costs 15 to 20 ms a viewpoint and core. Its
-    values are about five times those of `model`: scale `quality_scale_m2` with it."""
     use_coverage: bool = True
     """False: quality alone (the paper's V3)."""
     use_quality: bool = True
     """False: coverage alone (the paper's V2)."""
     adaptive: bool = True
     """False: the observed share lambda_o is taken as 1 (the paper's V4)."""
-    prior_information: float = Field(0.1, gt=0)
-    """lambda of Eq. 9: FisherRF's value for active mapping."""
+    prior_information: float = Field(1.0, gt=0)
+    """lambda of Eq. 9: about what one view from 8 m holds of a Gaussian's colour, so that what stays hidden
+    for ever does not outweigh a room. FisherRF uses 0.1 in active mapping."""
     coverage_scale_m3: float = Field(1.0, gt=0)
     """Newly visible volume that counts as 1."""
     quality_scale_m2: float = Field(50.0, gt=0)
-    """Surface seen once more as well as before that counts as 1.
-
-    Quality gains fall as one over the number of views and never vanish: views of a real house after 200
-    frames, its surfaces seen as well as by eight keyframes from 2.5 m, still score 6 to 15 m^2. This scale
-    puts them at 0.1 to 0.3.
-    """
+    """Surface seen once more as well as before that counts as 1."""
     quality_saturation_m: float = Field(0.0, ge=0)
     """Nearer than this a view gains no more quality than from here: the map cannot hold finer detail. 0 = the
     paper's gain, which grows without bound towards a surface."""
     azimuth_bins: int = Field(120, ge=24)
     elevation_bins: int = Field(32, ge=8)
+    quality_elevation_bins: int = Field(20, ge=4)
+    """Rows of rays that are scored exactly, of as many columns as `azimuth_bins`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

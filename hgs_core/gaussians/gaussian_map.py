@@ -52,9 +52,7 @@ class GaussianMap:
     information: Float32[ndarray, "capacity 8"] = field(
         default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
     )
-    """H_train: diagonal Fisher information of each parameter, summed over keyframes (HGS-Planner Eq. 9)."""
-    information_weight: Float32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.float32))
-    """Sum of 1 / z^2 [1/m^2] over the keyframes that saw it: H_train / this = information from 1 m."""
+    """H_train: diagonal Fisher information of each parameter, summed over all frames (HGS-Planner Eq. 9)."""
     anchor_keyframe: Int32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.int32))
     """The keyframe whose depth placed the Gaussian."""
     n_depth_observations: UInt16[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.uint16))
@@ -155,6 +153,5 @@ _HISTORY: Final = (
     "adam_second_moment",
     "adam_steps",
     "information",
-    "information_weight",
 )
 _ROWS: Final = ("parameters", *_HISTORY, "anchor_keyframe", "n_depth_observations")

@@ -20,10 +20,7 @@ from hgs_core.geometry.se3 import SE3
 
 
 def accumulate_information(gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3) -> None:
-    """Add the information of one view to `gaussians.information` (H_train of Eq. 9).
-
-    `information_weight` grows by 1/z^2 for every Gaussian whose colour gained more than 1e-6.
-    """
+    """Add the information of one view to `gaussians.information` (H_train of Eq. 9)."""
     size = gaussians.size
     kernels.add_information(
         gaussians.parameters[:size],
@@ -32,7 +29,6 @@ def accumulate_information(gaussians: GaussianMap, intrinsics: CameraIntrinsics,
         intrinsics.width,
         intrinsics.height,
         gaussians.information[:size],
-        gaussians.information_weight[:size],
     )
     gaussians.version += 1
 
@@ -49,7 +45,6 @@ def view_information(
         intrinsics.width,
         intrinsics.height,
         information,
-        None,
     )
     return information
 
@@ -59,10 +54,13 @@ def quality_image(
     intrinsics: CameraIntrinsics,
     T_world_camera: SE3,
     prior_information: float,
+    *,
+    range_m: float = np.inf,
 ) -> Float32[ndarray, "height width"]:
     """The rendered quality gain (HGS-Planner figure 4): per pixel, `sum (dC/dw)^2 / (H_train + prior)`.
 
-    Its sum over the image is `sum_i H_view,i / (H_train,i + prior)`, Eq. 9's gain of the view.
+    Its sum over the image is `sum_i H_view,i / (H_train,i + prior)`, Eq. 9's gain of the view. Gaussians at a
+    z-depth of `range_m` and beyond count for nothing.
     Raises `MapError` unless `prior_information` is positive.
     """
     if not prior_information > 0.0:
@@ -71,7 +69,7 @@ def quality_image(
     kernels.quality_image(
         gaussians.parameters[: gaussians.size],
         gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera),
+        camera_numbers(intrinsics, T_world_camera, range_m),
         gaussians.information[: gaussians.size],
         prior_information,
         image,

@@ -20,8 +20,14 @@ class NativeBackend:
     """
 
     def forward(
-        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+        self,
+        gaussians: GaussianMap,
+        intrinsics: CameraIntrinsics,
+        T_world_camera: SE3,
+        *,
+        far_m: float = np.inf,
     ) -> RenderedView:
+        """Gaussians at a z-depth of `far_m` and beyond are not drawn."""
         shape = (intrinsics.height, intrinsics.width)
         view = RenderedView(
             colour_sum=np.empty((*shape, 3), np.float32),
@@ -31,7 +37,7 @@ class NativeBackend:
         kernels.render_sums(
             gaussians.parameters[: gaussians.size],
             gaussians.block_bounds,
-            camera_numbers(intrinsics, T_world_camera),
+            camera_numbers(intrinsics, T_world_camera, far_m),
             view.colour_sum,
             view.depth_sum,
             view.silhouette,
@@ -60,8 +66,8 @@ class NativeBackend:
         return gradient
 
 
-def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[float]:
-    """What the kernels take as a camera: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2."""
+def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3, far_m: float = np.inf) -> list[float]:
+    """A camera for the kernels: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2, far_m."""
     world_to_camera = T_world_camera.inverse().as_matrix()[:3]
     return [
         intrinsics.fx,
@@ -70,4 +76,5 @@ def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[fl
         intrinsics.cy,
         *(float(number) for number in world_to_camera.ravel()),
         intrinsics.low_pass_px2,
+        far_m,
     ]

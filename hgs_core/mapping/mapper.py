@@ -88,8 +88,8 @@ class Mapper:
         is_keyframe = self._is_keyframe(frame.T_world_camera)
         inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
         iterations = self._optimise(image, interrupted)
+        accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera)
         if is_keyframe:
-            accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera)
             self.keyframes.add(image)
         self._n_frames += 1
         if self._n_frames % self.config.prune_interval == 0:

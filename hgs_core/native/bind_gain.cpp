@@ -1,4 +1,5 @@
 #include "bind.hpp"
+#include "fisher_field.hpp"
 #include "gain_kernels.hpp"
 #include "rasterise.hpp"
 
@@ -18,18 +19,18 @@ hgs::Grid grid_of(std::size_t nx, std::size_t ny, std::size_t nz) {
   return {{static_cast<std::int64_t>(nx), static_cast<std::int64_t>(ny), static_cast<std::int64_t>(nz)}};
 }
 
-void gather_gain(Rows8 parameters, Rows8 information, Array<const float, nb::ndim<1>> information_weight,
-                 Array<const float, nb::shape<-1, 6>> block_bounds, Volume<const std::uint8_t> states,
-                 Volume<const std::uint8_t> attempts, std::uint8_t max_attempts, Array<const double, nb::shape<3>> lower,
-                 double cell, float prior, float focal_px, float unseen_quality, float max_quality, float min_opacity,
-                 Chunks<const bool> wanted, Array<float, nb::shape<-1, -1, -1, 3>> cells,
-                 Chunks<std::int64_t> n_gaussians, Chunks<std::int64_t> n_populated) {
-  static_assert(sizeof(hgs::PanoramaCell) == 3 * sizeof(float));
+hgs::GaussianRows gaussian_rows(const Rows8& parameters, const Array<const float, nb::shape<-1, 6>>& block_bounds) {
   const std::size_t n = parameters.shape(0);
-  if (information.shape(0) != n || information_weight.shape(0) != n) {
-    throw nb::value_error("parameters, information and its weight differ in length");
-  }
   if (block_bounds.shape(0) * hgs::BLOCK < n) throw nb::value_error("block_bounds does not cover all Gaussians");
+  return {parameters.data(), n, block_bounds.data()};
+}
+
+void gather_gain(Rows8 parameters, Array<const float, nb::shape<-1, 6>> block_bounds, Volume<const std::uint8_t> states,
+                 Volume<const std::uint8_t> attempts, std::uint8_t max_attempts, Array<const double, nb::shape<3>> lower,
+                 double cell, float min_opacity, Chunks<const bool> wanted, Array<float, nb::shape<-1, -1, -1, 2>> cells,
+                 Chunks<std::int64_t> n_gaussians, Chunks<std::int64_t> n_populated) {
+  static_assert(sizeof(hgs::PanoramaCell) == 2 * sizeof(float));
+  const hgs::GaussianRows map = gaussian_rows(parameters, block_bounds);
   for (std::size_t a = 0; a < 3; ++a) {
     if (attempts.shape(a) != states.shape(a) || cells.shape(a) != states.shape(a)) {
       throw nb::value_error("voxel arrays differ in shape");
@@ -44,21 +45,17 @@ void gather_gain(Rows8 parameters, Rows8 information, Array<const float, nb::ndi
   }
   const nb::gil_scoped_release unlocked;
   hgs::gather_gain(grid_of(states.shape(0), states.shape(1), states.shape(2)), {{lower(0), lower(1), lower(2)}, cell},
-                   {parameters.data(), information.data(), information_weight.data(), block_bounds.data(),
-                    static_cast<std::int64_t>(n)},
-                   {states.data(), attempts.data(), max_attempts},
-                   {prior, focal_px, unseen_quality, max_quality, min_opacity},
-                   {{static_cast<std::int64_t>(wanted.shape(0)), static_cast<std::int64_t>(wanted.shape(1))},
-                    reinterpret_cast<const std::uint8_t*>(wanted.data()),
+                   map, {states.data(), attempts.data(), max_attempts}, min_opacity,
+                   {{{static_cast<std::int64_t>(wanted.shape(0)), static_cast<std::int64_t>(wanted.shape(1))},
+                     reinterpret_cast<const std::uint8_t*>(wanted.data())},
                     reinterpret_cast<hgs::PanoramaCell*>(cells.data()), n_gaussians.data(), n_populated.data()});
 }
 
-void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<const double, nb::shape<-1, 3>> positions,
-                     double tan_low, double tan_high, double range, double opaque_below, double saturation,
-                     double face_gap,
-                     Volume<float> unseen_volume, Volume<float> unseen_voxels, Volume<float> quality) {
+void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 2>> cells, Array<const double, nb::shape<-1, 3>> positions,
+                     double tan_low, double tan_high, double range, double opaque_below, Volume<float> unseen_volume,
+                     Volume<float> unseen_voxels) {
   for (std::size_t a = 0; a < 3; ++a) {
-    if (unseen_voxels.shape(a) != unseen_volume.shape(a) || quality.shape(a) != unseen_volume.shape(a)) {
+    if (unseen_voxels.shape(a) != unseen_volume.shape(a)) {
       throw nb::value_error("panoramas differ in shape");
     }
   }
@@ -70,32 +67,47 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 3>> cells, Array<c
                                tan_low,
                                tan_high,
                                range,
-                               opaque_below,
-                               saturation,
-                               face_gap};
+                               opaque_below};
   hgs::march_panoramas(grid_of(cells.shape(0), cells.shape(1), cells.shape(2)),
                        reinterpret_cast<const hgs::PanoramaCell*>(cells.data()), positions.data(),
                        static_cast<std::int64_t>(positions.shape(0)), panorama, unseen_volume.data(),
-                       unseen_voxels.data(), quality.data());
+                       unseen_voxels.data());
 }
 
-void sample_fisher(Rows8 parameters, Rows8 information, Array<const float, nb::shape<-1, 6>> block_bounds,
-                   Array<const double, nb::shape<-1, 3>> positions, double tan_low, double tan_high, double range,
-                   float prior, float focal_px, float low_pass_px2, float saturation_m, Volume<float> score) {
-  const std::size_t n = parameters.shape(0);
-  if (information.shape(0) != n) throw nb::value_error("parameters and information differ in length");
-  if (block_bounds.shape(0) * hgs::BLOCK < n) throw nb::value_error("block_bounds does not cover all Gaussians");
-  if (score.shape(0) != positions.shape(0)) throw nb::value_error("one panorama a position is needed");
+hgs::FisherField* fisher_field(Array<const std::int64_t, nb::shape<3>> shape, Array<const double, nb::shape<3>> lower,
+                               double cell, float prior, float low_pass, float saturation, float range) {
+  return new hgs::FisherField({{shape(0), shape(1), shape(2)}}, {{lower(0), lower(1), lower(2)}, cell},
+                              {prior, low_pass, saturation, range});
+}
+
+void gather_fisher(hgs::FisherField& field, Rows8 parameters, Array<const float, nb::shape<-1, 6>> block_bounds,
+                   Chunks<const bool> wanted) {
+  const hgs::GaussianRows map = gaussian_rows(parameters, block_bounds);
+  for (int a = 0; a < 2; ++a) {
+    if (static_cast<std::int64_t>(wanted.shape(a)) != field.chunks(a)) {
+      throw nb::value_error("the chunks do not fit the field");
+    }
+  }
+  const nb::gil_scoped_release unlocked;
+  field.gather(map, reinterpret_cast<const std::uint8_t*>(wanted.data()));
+}
+
+void score_fisher(const hgs::FisherField& field, Rows8 parameters, Rows8 information,
+                  Array<const double, nb::shape<-1, 3>> positions, double tan_low, double tan_high,
+                  Array<float, nb::shape<-1, -1, -1, 2>> scores) {
+  static_assert(sizeof(hgs::FisherScore) == 2 * sizeof(float));
+  if (information.shape(0) != parameters.shape(0)) {
+    throw nb::value_error("parameters and information differ in length");
+  }
+  if (scores.shape(0) != positions.shape(0)) throw nb::value_error("one panorama a position is needed");
   hgs::Panorama panorama{};
-  panorama.n_azimuth = static_cast<std::int64_t>(score.shape(2));
-  panorama.n_elevation = static_cast<std::int64_t>(score.shape(1));
+  panorama.n_azimuth = static_cast<std::int64_t>(scores.shape(2));
+  panorama.n_elevation = static_cast<std::int64_t>(scores.shape(1));
   panorama.tan_low = tan_low;
   panorama.tan_high = tan_high;
-  panorama.range = range;
   const nb::gil_scoped_release unlocked;
-  hgs::sample_fisher({parameters.data(), information.data(), nullptr, block_bounds.data(), static_cast<std::int64_t>(n)},
-                     positions.data(), static_cast<std::int64_t>(positions.shape(0)), panorama,
-                     {prior, focal_px, low_pass_px2, saturation_m}, score.data());
+  field.score(parameters.data(), information.data(), positions.data(), static_cast<std::int64_t>(positions.shape(0)),
+              panorama, reinterpret_cast<hgs::FisherScore*>(scores.data()));
 }
 
 void slide_window(Volume<const float> panoramas, Array<const double, nb::ndim<2>> window,
@@ -115,16 +127,22 @@ void slide_window(Volume<const float> panoramas, Array<const double, nb::ndim<2>
 void bind_gain(nb::module_& m) {
   using namespace nb::literals;
   m.attr("GAIN_CHUNK") = hgs::CHUNK;
-  m.def("gather_gain", &gather_gain, "parameters"_a, "information"_a, "information_weight"_a, "block_bounds"_a,
-        "states"_a, "attempts"_a, "max_attempts"_a, "lower"_a, "cell"_a, "prior"_a, "focal_px"_a, "unseen_quality"_a,
-        "max_quality"_a, "min_opacity"_a, "wanted"_a, "cells"_a, "n_gaussians"_a, "n_populated"_a,
-        "Fill the wanted chunks of cells (optical depth, unseen, quality) from both maps.");
+  m.def("gather_gain", &gather_gain, "parameters"_a, "block_bounds"_a, "states"_a, "attempts"_a, "max_attempts"_a,
+        "lower"_a, "cell"_a, "min_opacity"_a, "wanted"_a, "cells"_a, "n_gaussians"_a, "n_populated"_a,
+        "Fill the wanted chunks of cells (optical depth, unseen) from both maps.");
   m.def("march_panoramas", &march_panoramas, "cells"_a, "positions"_a, "tan_low"_a, "tan_high"_a, "range"_a,
-        "opaque_below"_a, "saturation"_a, "face_gap"_a, "unseen_volume"_a, "unseen_voxels"_a, "quality"_a,
-        "March panoramas (n, elevation, azimuth) through cells (optical depth, unseen, quality); lengths in cells.");
-  m.def("sample_fisher", &sample_fisher, "parameters"_a, "information"_a, "block_bounds"_a, "positions"_a, "tan_low"_a,
-        "tan_high"_a, "range"_a, "prior"_a, "focal_px"_a, "low_pass_px2"_a, "saturation"_a, "score"_a,
-        "The exact Fisher score per pixel along each ray of panoramas (n, elevation, azimuth); lengths in metres.");
+        "opaque_below"_a, "unseen_volume"_a, "unseen_voxels"_a,
+        "March panoramas (n, elevation, azimuth) through cells (optical depth, unseen); lengths in cells.");
+  nb::class_<hgs::FisherField>(m, "FisherField", "Gaussians by the cells that they reach into; scores rays exactly.")
+      .def(nb::new_(&fisher_field), "shape"_a, "lower"_a, "cell"_a, "prior"_a, "low_pass"_a, "saturation"_a, "range"_a,
+           "Empty, over a grid of voxels; lengths in metres, low_pass at a focal length of 1.")
+      .def("clear", &hgs::FisherField::clear, "Forget all Gaussians.")
+      .def("gather", &gather_fisher, "parameters"_a, "block_bounds"_a, "wanted"_a,
+           "List the Gaussians of the wanted chunks, which must be empty.")
+      .def("score", &score_fisher, "parameters"_a, "information"_a, "positions"_a, "tan_low"_a, "tan_high"_a,
+           "scores"_a,
+           "The exact Fisher score per pixel, at a focal length of 1, along each ray of panoramas (n, elevation, "
+           "azimuth): by sideways motion, and by all else.");
   m.def("slide_window", &slide_window, "panoramas"_a, "window"_a, "sums"_a,
         "Sum panoramas (n, elevation, azimuth) under a window turned to each azimuth.");
 }

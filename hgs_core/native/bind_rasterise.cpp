@@ -1,10 +1,8 @@
 #include <nanobind/stl/array.h>
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
 #include <array>
-#include <optional>
 #include <stdexcept>
 #include <tuple>
 
@@ -19,7 +17,6 @@ namespace {
 
 using Rows = nb::ndarray<float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
 using ConstRows = nb::ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
-using Column = nb::ndarray<float, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using IntColumn = nb::ndarray<std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Bounds = nb::ndarray<float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
 using ConstBounds = nb::ndarray<const float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
@@ -29,8 +26,8 @@ using Image3 = nb::ndarray<float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device
 using ConstImage3 = nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using ConstRgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 
-// fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2.
-using CameraNumbers = std::array<float, 17>;
+// fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2, far_m.
+using CameraNumbers = std::array<float, 18>;
 
 // Learning rates of the 8 parameters, beta1, beta2, epsilon, lowest and highest log radius.
 using AdamNumbers = std::array<float, 13>;
@@ -41,7 +38,7 @@ void require(bool held, const char* what) {
 
 hgs::PinholeCamera camera_of(const CameraNumbers& numbers, std::size_t width, std::size_t height) {
   hgs::PinholeCamera camera{numbers[0], numbers[1], numbers[2], numbers[3],
-                            static_cast<int>(width), static_cast<int>(height), {}, {}, numbers[16]};
+                            static_cast<int>(width), static_cast<int>(height), {}, {}, numbers[16], numbers[17]};
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) camera.rotation[3 * i + j] = numbers[4 + 4 * i + j];
     camera.translation[i] = numbers[4 + 4 * i + 3];
@@ -123,14 +120,13 @@ std::tuple<double, double, double, double, double> time_stages(
 }
 
 void add_information(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, int width, int height,
-                     Rows information, std::optional<Column> weight) {
+                     Rows information) {
   const std::size_t n = parameters.shape(0);
   require(information.shape(0) == n, "information needs a row for every Gaussian");
-  require(!weight || weight->shape(0) == n, "weight needs a row for every Gaussian");
   require(width > 0 && height > 0, "the image is empty");
   const nb::gil_scoped_release release;
   hgs::variant_kernels().rasterise.information(rows_of(parameters, bounds), camera_of(camera, width, height),
-                                       information.data(), weight ? weight->data() : nullptr);
+                                       information.data());
 }
 
 void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstRows information, float prior,
@@ -138,8 +134,8 @@ void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camer
   require(information.shape(0) == parameters.shape(0), "information needs a row for every Gaussian");
   const nb::gil_scoped_release release;
   hgs::variant_kernels().rasterise.quality_image(rows_of(parameters, bounds),
-                                         camera_of(camera, image.shape(1), image.shape(0)), information.data(), prior,
-                                         image.data());
+                                                 camera_of(camera, image.shape(1), image.shape(0)),
+                                                 information.data(), prior, image.data());
 }
 
 void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float high, float min_logit_opacity,
@@ -176,7 +172,7 @@ void bind_rasterise(nb::module_& m) {
       },
       "rounds"_a, "Multiply-adds on registers, on every thread; returns the number of operations.");
   m.def("add_information", &add_information, "parameters"_a, "block_bounds"_a, "camera"_a, "width"_a, "height"_a,
-        "information"_a, "weight"_a.none());
+        "information"_a);
   m.def("quality_image", &quality_image, "parameters"_a, "block_bounds"_a, "camera"_a, "information"_a, "prior"_a,
         "image"_a);
   m.def("count_in_layer", &count_in_layer, "parameters"_a, "block_bounds"_a, "low"_a, "high"_a,

@@ -4,34 +4,83 @@
 
 namespace hgs {
 
-// The rays of a panorama: row e at tangent tan_low + (e + 0.5) d_tan, column a at azimuth (a + stagger[e]) d_phi - pi.
-struct RayGrid {
-  std::int32_t n_azimuth, n_elevation;
-  float tan_low, d_tan, d_phi;
-  const float* stagger;  // (n_elevation), 0 .. 1
-  float range;           // horizontal [m]
-  float focal_px, low_pass_px2;
+inline constexpr int BUNDLE = 16;  // Gaussians that are tested together
+
+// A grid of cells, and the camera that is to look.
+struct FisherGrid {
+  std::int32_t shape[3];
+  float lower[3];  // [m]
+  float size;      // edge of a cell [m]
 };
 
-// Up to BLOCK Gaussians, column by column.
-struct RayBlock {
-  float x[256 + 16], y[256 + 16], z[256 + 16];  // + 16: columns not a power of two apart
-  float radius[256 + 16];
-  float decay[256 + 16];  // 2 ln(255 o): a splat reaches sqrt(decay) standard deviations; <= 0 where it is too faint
-  std::int32_t n;
-  std::uint32_t first_row;
+struct FisherRule {
+  float prior;       // lambda of Eq. 9
+  float low_pass;    // what a pixel's width adds to a splat's variance, at a focal length of 1
+  float saturation;  // nearer than this, a Gaussian scores as from here; 0 = never [m]
+  float range;       // of z-depth [m]
 };
 
-// A Gaussian that may touch a ray. Sorting by `key` sorts by depth, then by row.
-struct RayHit {
-  std::uint64_t key;  // (bits of the depth along the ray's azimuth [m], positive) << 32 | row in the map
-  std::uint32_t ray;  // row * n_azimuth + column
+// Neighbouring Gaussians. Places that are left over have a decay of -1 and are never met.
+struct Bundle {
+  float x[BUNDLE], y[BUNDLE], z[BUNDLE];
+  float radius2[BUNDLE];
+  float decay[BUNDLE];  // 2 ln(255 o): a splat reaches sqrt(decay) standard deviations
+  std::uint32_t row[BUNDLE];
+  Bundle() {}  // nothing is cleared that is filled next
 };
 
-// Appends the hits of a block seen from a place to `hits`, which has room for `room`; returns how many there are,
-// or -1 when there is no room (what was written is then void).
-using HitRays = std::int64_t (*)(const RayBlock& block, const float* from, const RayGrid& grid, RayHit* hits,
-                                 std::int64_t room);
-using PrepareRayBlock = void (*)(const float* parameters, std::int32_t n, RayBlock& block);
+// Where a bundle's Gaussians reach at most: a sphere, and a box.
+struct BundleBounds {
+  float centre[3], radius;
+  float low[3], high[3];
+  BundleBounds() {}
+};
+
+// Sixteen bundles that reach into one cell; places that are left over have a radius of -1.
+struct BundleList {
+  float x[BUNDLE], y[BUNDLE], z[BUNDLE], radius[BUNDLE];
+  std::uint32_t bundle[BUNDLE];
+};
+
+struct FisherCells {
+  FisherGrid grid;
+  const std::uint32_t *begin, *end;  // of each cell, in `lists`
+  const BundleList* lists;
+  const Bundle* bundles;
+  const float* parameters;   // (n, 8): centre, rgb, log radius, logit opacity
+  const float* information;  // (n, 8): H_train
+};
+
+// Rays from one place. Each is the middle column of a level camera that looks along its azimuth.
+struct FisherRays {
+  float from[3];
+  const float *cosine, *sine;  // of its azimuth
+  const float* tangent;        // of its elevation
+  int n;
+};
+
+// Which ray came across a bundle last: rays are numbered from 1, anew by whoever sets all stamps to 0.
+struct RayStamps {
+  std::uint32_t* of_bundle;
+  std::uint32_t ray;
+};
+
+// What a ray scores, for a camera of focal length 1: by moving Gaussians to the side, and by all else. (A camera that
+// looks elsewhere sees sideways motion better, see quality.py.)
+struct FisherScore {
+  float sideways, other;
+};
+
+inline constexpr std::uint32_t NO_CELL = 0xffffffffu;
+
+// keys[i]: cell * 64 + which of its 4 x 4 x 4 parts, in Morton order, row i lies in; NO_CELL where it is too faint or
+// outside.
+using ListCells = void (*)(const float* parameters, std::int32_t n, const FisherGrid& grid, std::uint32_t* keys);
+// A bundle of n rows of the map.
+using MakeBundle = void (*)(const float* parameters, const std::uint32_t* rows, std::int32_t n, const FisherRule& rule,
+                            Bundle& bundle, BundleBounds& bounds);
+// scores[r]: sum_ik (dC/dw_ik)^2 / (I_ik + prior) of ray r.
+using ScoreRays = void (*)(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
+                           RayStamps& stamps, FisherScore* scores);
 
 }  // namespace hgs

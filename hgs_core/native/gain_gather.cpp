@@ -4,17 +4,6 @@
 //     (the integral of o exp(-d^2 / 2 r^2) over a plane is 2 pi o r^2: tau is the mean over a face of what
 //      one crossing of the voxel meets)
 //
-//   quality of a voxel         Q = sum_i q_i,   q_i = (c_i / I_i,colour) sum_k I_ik / (I_ik + prior)
-//     I_ik is H_train. One more view is expected to hold information in proportion to what the training views hold,
-//     H_cand,ik = I_ik c_i / (I_i,colour d^2), so q_i / d^2 is the gain of Eq. 9 in its trace form. c_i is the
-//     colour information expected from 1 m: colour information is sum (alpha T)^2 over pixels, which for a
-//     Gaussian of opacity o and screen radius f r / d that nothing covers is pi o^2 (f r / d)^2. Its neighbours on the
-//     surface always cover it partly; the share that is left, s, is measured on the training views of Gaussians
-//     from everywhere in the map:
-//       c_i = s pi o_i^2 (f r_i)^2,   s = sum_i I_i,colour / sum_i w_i pi o_i^2 (f r_i)^2,   w_i = sum 1 / z^2
-//     So a Gaussian that its training views saw at a grazing angle, or half hidden, is worth a view although they
-//     were near: each single view counts for what it held, not for its distance.
-//
 // Only wanted chunks of columns are filled. The per-Gaussian part runs in parallel over blocks of rows and leaves a
 // list of what each adds to which voxel; then each thread sums its own range of voxels in the order of the rows, so
 // that the sums do not depend on the number of threads.
@@ -34,45 +23,11 @@ namespace hgs {
 
 namespace {
 
-constexpr std::int64_t SAMPLED_BLOCKS = 1024;  // enough for the uncovered share of a map of any size
-
 struct GatheredBlock {
   std::int64_t first_row;
   int n_entries;
   std::int32_t lowest_voxel, highest_voxel;
 };
-
-InformedRows rows_from(const InformedMap& map, std::int64_t first) {
-  return {map.parameters + 8 * first, map.information + 8 * first, map.weight + first,
-          static_cast<int>(std::min<std::int64_t>(BLOCK, map.n - first))};
-}
-
-// The chunks [low, high) that columns of [lower, upper] m lie in; empty when they lie outside.
-struct ChunkRange {
-  std::int64_t low[2], high[2];
-};
-
-ChunkRange chunks_of(const float* lower, const float* upper, const GridPlace& place, const GainField& field) {
-  ChunkRange range;
-  for (int a = 0; a < 2; ++a) {
-    const auto chunk = [&](float x) {
-      const double cells = std::floor((x - place.lower[a]) / place.cell);
-      return static_cast<std::int64_t>(std::floor(std::clamp(cells, -1e9, 1e9) / CHUNK));
-    };
-    range.low[a] = std::max<std::int64_t>(chunk(lower[a]), 0);
-    range.high[a] = std::min(chunk(upper[a]) + 1, field.chunks[a]);
-  }
-  return range;
-}
-
-bool any_wanted(const ChunkRange& range, const GainField& field) {
-  for (std::int64_t i = range.low[0]; i < range.high[0]; ++i) {
-    for (std::int64_t j = range.low[1]; j < range.high[1]; ++j) {
-      if (field.wanted[i * field.chunks[1] + j] != 0) return true;
-    }
-  }
-  return false;
-}
 
 // Calls visit(first, n) for each run of voxels of a chunk.
 template <class Visit>
@@ -84,27 +39,10 @@ void for_runs_of(const Grid& grid, std::int64_t chunk_i, std::int64_t chunk_j, V
   }
 }
 
-double uncovered_share(const InformedMap& map, const GatherRule& rule) {
-  const std::int64_t n_blocks = (map.n + BLOCK - 1) / BLOCK;
-  const std::int64_t stride = std::max<std::int64_t>(1, (n_blocks + SAMPLED_BLOCKS - 1) / SAMPLED_BLOCKS);
-  const std::int64_t n_sampled = (n_blocks + stride - 1) / stride;
-  std::vector<InformationSums> sums(static_cast<std::size_t>(n_sampled));
-#pragma omp parallel for schedule(static)
-  for (std::int64_t b = 0; b < n_sampled; ++b) {
-    sums[b] = variant_kernels().gain.information_sums(rows_from(map, b * stride * BLOCK), rule);
-  }
-  InformationSums all;
-  for (const InformationSums& block : sums) {
-    all.held += block.held;
-    all.possible += block.possible;
-  }
-  return all.possible > 0.0 ? all.held / all.possible : 0.0;
-}
-
 // What the sums and the states of the voxels make of a chunk's cells. While summing, `unseen` holds the count.
 void finish_chunk(const Grid& grid, const GainField& field, const VoxelStates& voxels, std::int64_t chunk) {
   std::int64_t n_gaussians = 0, n_populated = 0;
-  for_runs_of(grid, chunk / field.chunks[1], chunk % field.chunks[1], [&](std::int64_t first, std::int64_t n) {
+  for_runs_of(grid, chunk / field.chunks.shape[1], chunk % field.chunks.shape[1], [&](std::int64_t first, std::int64_t n) {
     for (std::int64_t v = first; v < first + n; ++v) {
       PanoramaCell& cell = field.cells[v];
       n_gaussians += static_cast<std::int64_t>(cell.unseen);
@@ -121,30 +59,53 @@ void finish_chunk(const Grid& grid, const GainField& field, const VoxelStates& v
 
 }  // namespace
 
-void gather_gain(const Grid& grid, const GridPlace& place, const InformedMap& map, const VoxelStates& voxels,
-                 const GatherRule& rule, const GainField& field) {
+std::vector<std::int64_t> blocks_in(const GaussianRows& map, const GridPlace& place, const WantedChunks& chunks) {
+  std::vector<std::int64_t> first_rows;
+  const auto n = static_cast<std::int64_t>(map.n);
+  for (std::int64_t first = 0; first < n; first += BLOCK) {
+    const float* box = map.block_bounds + 6 * (first / BLOCK);
+    std::int64_t low[2], high[2];
+    for (int a = 0; a < 2; ++a) {
+      const auto chunk = [&](float x) {
+        const double cells = std::floor((x - place.lower[a]) / place.cell);
+        return static_cast<std::int64_t>(std::floor(std::clamp(cells, -1e9, 1e9) / CHUNK));
+      };
+      low[a] = std::max<std::int64_t>(chunk(box[a]), 0);
+      high[a] = std::min(chunk(box[3 + a]) + 1, chunks.shape[a]);
+    }
+    const bool any = [&] {
+      for (std::int64_t i = low[0]; i < high[0]; ++i) {
+        for (std::int64_t j = low[1]; j < high[1]; ++j) {
+          if (chunks.wanted[i * chunks.shape[1] + j] != 0) return true;
+        }
+      }
+      return false;
+    }();
+    if (any) first_rows.push_back(first);
+  }
+  return first_rows;
+}
+
+void gather_gain(const Grid& grid, const GridPlace& place, const GaussianRows& map, const VoxelStates& voxels,
+                 float min_opacity, const GainField& field) {
   std::vector<std::int64_t> chunks;
   std::int64_t first_column = grid.shape[0], last_column = 0;  // of the wanted ones
-  for (std::int64_t c = 0; c < field.chunks[0] * field.chunks[1]; ++c) {
-    if (field.wanted[c] == 0) continue;
+  for (std::int64_t c = 0; c < field.chunks.shape[0] * field.chunks.shape[1]; ++c) {
+    if (field.chunks.wanted[c] == 0) continue;
     chunks.push_back(c);
-    first_column = std::min(first_column, c / field.chunks[1] * CHUNK);
-    last_column = std::max(last_column, std::min((c / field.chunks[1] + 1) * CHUNK, grid.shape[0]));
+    first_column = std::min(first_column, c / field.chunks.shape[1] * CHUNK);
+    last_column = std::max(last_column, std::min((c / field.chunks.shape[1] + 1) * CHUNK, grid.shape[0]));
   }
   if (chunks.empty()) return;
   std::vector<GatheredBlock> blocks;
-  for (std::int64_t first = 0; first < map.n; first += BLOCK) {
-    const float* bounds = map.block_bounds + 6 * (first / BLOCK);
-    if (any_wanted(chunks_of(bounds, bounds + 3, place, field), field)) blocks.push_back({first, 0, 0, 0});
-  }
-  const auto share = static_cast<float>(uncovered_share(map, rule));
+  for (const std::int64_t first : blocks_in(map, place, field.chunks)) blocks.push_back({first, 0, 0, 0});
   const GatherBox box{{static_cast<float>(place.lower[0]), static_cast<float>(place.lower[1]),
                        static_cast<float>(place.lower[2])},
                       static_cast<float>(place.cell),
                       {static_cast<std::int32_t>(grid.shape[0]), static_cast<std::int32_t>(grid.shape[1]),
                        static_cast<std::int32_t>(grid.shape[2])},
-                      static_cast<std::int32_t>(field.chunks[1]),
-                      field.wanted};
+                      static_cast<std::int32_t>(field.chunks.shape[1]),
+                      field.chunks.wanted};
   static thread_local Scratch<GatherEntry> scratch;  // its pages cost more than the work done in them
   GatherEntry* entries = scratch.require(blocks.size() * BLOCK);
   const auto n_blocks = static_cast<std::int64_t>(blocks.size());
@@ -155,14 +116,16 @@ void gather_gain(const Grid& grid, const GridPlace& place, const InformedMap& ma
   {
 #pragma omp for schedule(dynamic, 1)
     for (std::int64_t c = 0; c < n_chunks; ++c) {
-      for_runs_of(grid, chunks[c] / field.chunks[1], chunks[c] % field.chunks[1],
+      for_runs_of(grid, chunks[c] / field.chunks.shape[1], chunks[c] % field.chunks.shape[1],
                   [&](std::int64_t first, std::int64_t n) { std::fill_n(field.cells + first, n, PanoramaCell{}); });
     }
 #pragma omp for schedule(dynamic, 16)
     for (std::int64_t b = 0; b < n_blocks; ++b) {
       GatheredBlock& block = blocks[b];
       GatherEntry* own = entries + b * BLOCK;
-      block.n_entries = variant_kernels().gain.gather(rows_from(map, block.first_row), box, rule, share, own);
+      const auto n_rows = static_cast<int>(std::min<std::int64_t>(BLOCK, static_cast<std::int64_t>(map.n) - block.first_row));
+      block.n_entries = variant_kernels().gain.gather(map.parameters + N_PARAMETERS * block.first_row, n_rows, box,
+                                                      min_opacity, own);
       block.lowest_voxel = std::numeric_limits<std::int32_t>::max();
       block.highest_voxel = -1;
       for (int e = 0; e < block.n_entries; ++e) {
@@ -180,7 +143,6 @@ void gather_gain(const Grid& grid, const GridPlace& place, const InformedMap& ma
         if (own[e].voxel < low || own[e].voxel >= high) continue;
         PanoramaCell& cell = field.cells[own[e].voxel];
         cell.optical_depth += own[e].optical_depth;
-        cell.quality += own[e].quality;
         cell.unseen += 1.0f;
       }
     }

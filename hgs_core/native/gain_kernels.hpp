@@ -1,10 +1,11 @@
-// What viewpoints would gain: Gaussians gathered into voxels, and panoramas marched through them.
+// What viewpoints would cover: Gaussians gathered into voxels, and panoramas marched through them.
 #pragma once
 #include <cstdint>
+#include <vector>
 
-#include "fisher_rays.hpp"
 #include "gain_rows.hpp"
 #include "panorama.hpp"
+#include "rasterise.hpp"
 #include "voxel_traversal.hpp"
 
 namespace hgs {
@@ -15,13 +16,14 @@ struct GridPlace {
   double cell;
 };
 
-struct InformedMap {
-  const float* parameters;    // (n, 8): centre, rgb, log radius, logit opacity
-  const float* information;   // (n, 8): H_train
-  const float* weight;        // (n): sum of 1 / z^2
-  const float* block_bounds;  // (n_blocks, 6)
-  std::int64_t n;
+// Chunks of columns (see gain_rows.hpp), and which of them work is to be done for.
+struct WantedChunks {
+  std::int64_t shape[2];
+  const std::uint8_t* wanted;
 };
+
+// The first rows of the blocks with Gaussians in wanted chunks, perhaps.
+std::vector<std::int64_t> blocks_in(const GaussianRows& map, const GridPlace& place, const WantedChunks& chunks);
 
 struct VoxelStates {
   const std::uint8_t* states;
@@ -29,35 +31,22 @@ struct VoxelStates {
   std::uint8_t max_attempts;  // an unobserved voxel looked at so often in vain is dismissed
 };
 
-// Chunks of columns (see gain_rows.hpp); those not wanted stay as they are.
+// Chunks that are not wanted stay as they are.
 struct GainField {
-  std::int64_t chunks[2];
-  const std::uint8_t* wanted;
+  WantedChunks chunks;
   PanoramaCell* cells;        // the whole grid
   std::int64_t* n_gaussians;  // in each chunk
   std::int64_t* n_populated;  // voxels of each chunk that hold any
 };
 
-void gather_gain(const Grid& grid, const GridPlace& place, const InformedMap& map, const VoxelStates& voxels,
-                 const GatherRule& rule, const GainField& field);
+void gather_gain(const Grid& grid, const GridPlace& place, const GaussianRows& map, const VoxelStates& voxels,
+                 float min_opacity, const GainField& field);
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
-                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality);
+                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels);
 
 // sums[i, k] = sum over e, m of window[e, m] * panoramas[i, e, (k + m) mod n_azimuth].
 void slide_window(const float* panoramas, std::int64_t n, std::int64_t n_rows, std::int64_t n_azimuth,
                   const double* window, double* sums);
-
-struct FisherRule {
-  float prior;         // lambda of Eq. 9
-  float focal_px;      // of the camera that is to look
-  float low_pass_px2;
-  float saturation_m;  // nearer than this, a Gaussian scores as from here; 0 = never
-};
-
-// The exact score along each ray of the panoramas of n places, per pixel: score (n, elevation, azimuth). `positions`
-// and `panorama.range` in metres; `panorama` needs its directions and range only.
-void sample_fisher(const InformedMap& map, const double* positions, std::int64_t n_positions, const Panorama& panorama,
-                   const FisherRule& rule, float* score);
 
 }  // namespace hgs

@@ -4,10 +4,10 @@
 
 namespace hgs {
 
-// What one voxel means to a ray: its optical depth over one edge length (infinite where nothing passes); whether
-// seeing it is a gain; and the quality Q_v of its Gaussians.
+// What one voxel means to a ray: its optical depth over one edge length (infinite where nothing passes), and whether
+// seeing it is a gain.
 struct PanoramaCell {
-  float optical_depth = 0.0f, unseen = 0.0f, quality = 0.0f;
+  float optical_depth = 0.0f, unseen = 0.0f;
 };
 
 // Where in its bins a row's rays lie, 0 .. 1: by the golden ratio, so that directions spread evenly.
@@ -26,8 +26,6 @@ struct Panorama {
   double tan_low, tan_high;  // of the elevations at the lower and upper edge
   double range;              // horizontal, in cells
   double opaque_below;       // a ray ends where less than this is left of it
-  double saturation;         // nearer than this, quality gains no more; horizontal, in cells; 0 = never
-  double face_gap;           // a surface's voxels may lie so far apart along a ray and still be one face, in cells
 };
 
 // Rays from one place, each to `range` of horizontal distance.
@@ -38,10 +36,9 @@ struct PanoramaRays {
   int n;
 };
 
-// Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, their number weighted with T, and
-// the integral of T' Q dt.
+// Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, and their number weighted with T.
 struct PanoramaSums {
-  float *volume, *voxels, *quality;
+  float *volume, *voxels;
 };
 
 using MarchRays = void (*)(const PanoramaCells&, const PanoramaRays&, const Panorama&, const PanoramaSums&);

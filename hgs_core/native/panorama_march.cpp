@@ -1,4 +1,4 @@
-// 360-degree panoramas marched through voxels: unseen volume and quality per direction (HGS-Planner Eq. 4, 5-9).
+// 360-degree panoramas marched through voxels: unseen volume per direction (HGS-Planner Eq. 4).
 //
 // A panorama is a cylinder: columns are azimuths phi, rows are u = tan(elevation), so that a level pinhole camera
 // sees straight rows. With rho the horizontal distance, volume is dV = rho^2 drho du dphi. A ray of bin
@@ -6,14 +6,6 @@
 // light that the voxels before let through (exp of minus optical depth times length), adds
 //   unseen volume   T (rho_1^3 - rho_0^3) / 3 du dphi           for a voxel whose sight is a gain
 //   unseen voxels   T                                           the same, per pixel (the paper's measure)
-//   quality         T' q (rho_1 - rho_0) du dphi                q = Q_v / V: the integral of q T' dV / rho^2,
-//                                                               that is sum_v T' Q_v / rho^2 over voxels;
-//                                               Q_v / rho_s^2 nearer than the saturation distance rho_s
-//
-// T' is T as it was before the face that the ray is in. A face is a run of voxels that stop most of the light, with
-// gaps of at most `face_gap`; it does not hide itself. Without this a surface seen at a grazing angle, whose ray
-// crosses many voxels of its layer, would hide most of its own Gaussians, and so would one that lies at a voxel
-// border and fills both sides. The ray ends where it leaves the face with nothing left of it.
 //
 // Rows are staggered within their bins by the golden ratio: directions spread evenly, and no voxel is missed by
 // all rows at once.
@@ -51,11 +43,10 @@ struct Directions {
 }  // namespace
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
-                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* quality) {
+                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels) {
   const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
   const auto volume_scale = static_cast<float>(std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi);
-  const auto quality_scale = static_cast<float>(panorama.range * d_u * d_phi);
   const PanoramaCells voxels{cells,
                              {static_cast<std::int32_t>(grid.shape[0]), static_cast<std::int32_t>(grid.shape[1]),
                               static_cast<std::int32_t>(grid.shape[2])}};
@@ -63,8 +54,8 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
   const std::int64_t n_rows = panorama.n_elevation;
 #pragma omp parallel
   {
-    std::vector<float> column(static_cast<std::size_t>(3 * n_rows));
-    const PanoramaSums sums{column.data(), column.data() + n_rows, column.data() + 2 * n_rows};
+    std::vector<float> column(static_cast<std::size_t>(2 * n_rows));
+    const PanoramaSums sums{column.data(), column.data() + n_rows};
 #pragma omp for collapse(2) schedule(dynamic, 8)
     for (std::int64_t n = 0; n < n_positions; ++n) {
       for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
@@ -79,7 +70,6 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
           const std::int64_t bin = (n * n_rows + row) * panorama.n_azimuth + azimuth;
           unseen_volume[bin] = sums.volume[row] * volume_scale;
           unseen_voxels[bin] = sums.voxels[row];
-          quality[bin] = sums.quality[row] * quality_scale;
         }
       }
     }

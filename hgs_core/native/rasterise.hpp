@@ -96,8 +96,8 @@ struct RasteriseKernels {
   // The same work as `optimise` in separate, timed passes.
   StageTimes (*stages)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
   LossSums (*optimise)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
-  // Adds to `information` (n, 8) and, unless null, 1 / z^2 to `weight` (n,) where the colours' grew by > 1e-6.
-  void (*information)(const GaussianRows&, const PinholeCamera&, float* information, float* weight);
+  // Adds to `information` (n, 8).
+  void (*information)(const GaussianRows&, const PinholeCamera&, float* information);
   void (*quality_image)(const GaussianRows&, const PinholeCamera&, const float* information, float prior, float* image);
 };
 

@@ -110,8 +110,7 @@ HGS_INLINE float quadratic(const float* a, const float* sums) {
   return value > 0.0f ? value : 0.0f;  // rounding of a difference that is no less than 0
 }
 
-static void add_information(const Workspace& workspace, const PinholeCamera& camera, float* information,
-                            float* weight) {
+static void add_information(const Workspace& workspace, const PinholeCamera& camera, float* information) {
   for_each_splat(
       workspace, [](std::size_t) { return Nothing{}; },
       [&](const Splat& splat, const float* sums, Nothing&) {
@@ -123,7 +122,6 @@ static void add_information(const Workspace& workspace, const PinholeCamera& cam
         }
         H[6] += slopes.log_radius * slopes.log_radius * sums[SUM_E_DD];
         H[7] += (1.0f - splat.opacity) * (1.0f - splat.opacity) * sums[SUM_E];
-        if (weight != nullptr && sums[SUM_W2] > 1e-6f) weight[splat.row] += 1.0f / (splat.z * splat.z);
       },
       [](std::size_t, Nothing&) {});
 }

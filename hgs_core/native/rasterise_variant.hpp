@@ -178,8 +178,7 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   return times;
 }
 
-static void information(const GaussianRows& gaussians, const PinholeCamera& camera, float* information,
-                        float* weight) {
+static void information(const GaussianRows& gaussians, const PinholeCamera& camera, float* information) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
   prepare(gaussians, camera, workspace);
@@ -190,7 +189,7 @@ static void information(const GaussianRows& gaussians, const PinholeCamera& came
                           start_fisher(state, window, fisher);
                           clear_pairs(tile, sweep_fisher(tile, workspace.splats.get(), fisher, pair_sums), pair_sums);
                         });
-  add_information(workspace, camera, information, weight);
+  add_information(workspace, camera, information);
 }
 
 static void quality_image(const GaussianRows& gaussians, const PinholeCamera& camera, const float* information,

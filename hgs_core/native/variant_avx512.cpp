@@ -12,8 +12,8 @@ const VariantKernels KERNELS_AVX512 = {
     "avx512",
     {avx512::forward, avx512::backward, avx512::stages, avx512::optimise, avx512::information,
      avx512::quality_image},
-    {avx512::gather_rows, avx512::information_sums, avx512::march_rays, avx512::prepare_ray_block,
-     avx512::hit_rays},
+    {avx512::gather_rows, avx512::march_rays, avx512::list_cells, avx512::make_bundle,
+     avx512::score_rays},
     avx512::multiply_add,
 };
 }  // namespace hgs

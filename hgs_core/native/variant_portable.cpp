@@ -12,8 +12,8 @@ const VariantKernels KERNELS_PORTABLE = {
     "portable",
     {portable::forward, portable::backward, portable::stages, portable::optimise, portable::information,
      portable::quality_image},
-    {portable::gather_rows, portable::information_sums, portable::march_rays, portable::prepare_ray_block,
-     portable::hit_rays},
+    {portable::gather_rows, portable::march_rays, portable::list_cells, portable::make_bundle,
+     portable::score_rays},
     portable::multiply_add,
 };
 }  // namespace hgs

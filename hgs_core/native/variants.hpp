@@ -9,10 +9,10 @@ namespace hgs {
 
 struct GainKernels {
   GatherRows gather;
-  SumInformation information_sums;
   MarchRays march;
-  PrepareRayBlock prepare_ray_block;
-  HitRays hit_rays;
+  ListCells list_cells;
+  MakeBundle make_bundle;
+  ScoreRays score_rays;
 };
 
 struct VariantKernels {

@@ -6,10 +6,8 @@ import numpy as np
 from numpy import ndarray
 
 from hgs_core.gain.field import GainField
-from hgs_core.gain.panorama import FACE_GAP_VOXELS, OPAQUE_BELOW, PanoramaGrid
+from hgs_core.gain.panorama import OPAQUE_BELOW, PanoramaGrid
 from hgs_core.gaussians.gaussian_map import GaussianMap
-
-SURFACE = np.log(2)
 
 
 def pieces(
@@ -39,61 +37,37 @@ def directions(grid: PanoramaGrid, row: int, column: int) -> tuple[float, float]
 
 def march_one(
     grid: PanoramaGrid, field: GainField, position_m: ndarray, *, size_m: float, range_m: float
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Unseen volume [m^3], unseen voxels, quality of one viewpoint: (n_elevations, n_azimuths) each."""
-    results = np.zeros((3, grid.n_elevations, grid.n_azimuths))
+) -> tuple[ndarray, ndarray]:
+    """Unseen volume [m^3] and unseen voxels of one viewpoint: (n_elevations, n_azimuths) each."""
+    results = np.zeros((2, grid.n_elevations, grid.n_azimuths))
     solid = grid.azimuth_step_rad * (grid.tan_high - grid.tan_low) / grid.n_elevations
     start = position_m / size_m - field.first_index
     for row in range(grid.n_elevations):
         for column in range(grid.n_azimuths):
             phi, u = directions(grid, row, column)
             end = start + range_m / size_m * np.array([np.cos(phi), np.sin(phi), u])
-            left, before_face, face_end = 1.0, 1.0, -np.inf
+            left = 1.0
             for cell, a, b in pieces(start, end, field.cells.shape[:3]):
-                depth, unseen, quality = (float(x) for x in field.cells[cell])
+                depth, unseen = (float(x) for x in field.cells[cell])
                 rho = np.array([a, b]) * range_m
-                if rho[0] - face_end > FACE_GAP_VOXELS * size_m:
-                    before_face = left
-                if before_face < OPAQUE_BELOW:
+                if left < OPAQUE_BELOW:
                     break
-                if unseen and left >= OPAQUE_BELOW:
+                if unseen:
                     results[0, row, column] += left * solid * (rho[1] ** 3 - rho[0] ** 3) / 3
                     results[1, row, column] += left
-                results[2, row, column] += before_face * solid * quality / size_m**3 * (rho[1] - rho[0])
                 left *= np.exp(-depth * (b - a) * np.linalg.norm(end - start))
-                if depth >= SURFACE:
-                    face_end = rho[1]
-    return results[0], results[1], results[2]
+    return results[0], results[1]
 
 
 def gathered(
-    gaussians: GaussianMap,
-    lower_m: ndarray,
-    shape: tuple[int, ...],
-    size_m: float,
-    *,
-    prior: float,
-    focal: float,
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Optical depth, quality and number of Gaussians per voxel."""
-    depth, quality, count = np.zeros(shape), np.zeros(shape), np.zeros(shape, int)
+    gaussians: GaussianMap, lower_m: ndarray, shape: tuple[int, ...], size_m: float
+) -> tuple[ndarray, ndarray]:
+    """Optical depth and number of Gaussians per voxel."""
+    depth, count = np.zeros(shape), np.zeros(shape, int)
     cells = np.floor((gaussians.centres_m.astype(float) - lower_m) / size_m).astype(int)
     inside = np.all((cells >= 0) & (cells < shape), axis=1) & (gaussians.opacities >= 0.005)
-    rows = np.flatnonzero(inside)
-    information = gaussians.information[: gaussians.size].astype(float)
-    weight = gaussians.information_weight[: gaussians.size].astype(float)
-    bare = np.pi * (gaussians.opacities * gaussians.radii_m.astype(float) * focal) ** 2
-    colour = information[:, 3:6].mean(axis=1)
-    there = gaussians.opacities >= 0.005  # from everywhere in the map
-    possible = (weight * bare)[there].sum()
-    share = colour[there].sum() / possible if possible else 0.0
-    for i in rows:
+    for i in np.flatnonzero(inside):
         cell = tuple(cells[i])
         depth[cell] += gaussians.opacities[i] * 2 * np.pi * gaussians.radii_m[i] ** 2 / size_m**2
         count[cell] += 1
-        if weight[i] == 0 or colour[i] == 0:
-            quality[cell] += 8 * 2.5**2
-        else:
-            settled = (information[i] / (information[i] + prior)).sum()
-            quality[cell] += min(share * bare[i] / colour[i] * settled, 8 * 8.0**2)
-    return depth, quality, count
+    return depth, count

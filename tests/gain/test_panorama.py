@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hgs_core.gain.field import CHUNK, OPTICAL_DEPTH, QUALITY, UNSEEN, GainField
+from hgs_core.gain.field import CHUNK, OPTICAL_DEPTH, UNSEEN, GainField
 from hgs_core.gain.panorama import PanoramaGrid, by_yaw, march
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.mapping.snapshot import MapSnapshot
@@ -15,11 +15,10 @@ from tests.gain.worlds import CAMERA, empty_voxels, gaussians_at, snapshot_of
 
 def random_field(rng: np.random.Generator) -> GainField:
     shape = tuple(rng.integers(3, 9, 3))
-    cells = np.zeros((*shape, 3), np.float32)
+    cells = np.zeros((*shape, 2), np.float32)
     kind = rng.choice(4, shape, p=[0.55, 0.25, 0.1, 0.1])
     cells[..., OPTICAL_DEPTH] = np.choose(kind, [0.0, 0.0, np.inf, rng.uniform(0.1, 2, shape)])
     cells[..., UNSEEN] = kind == 1
-    cells[..., QUALITY] = np.where(kind >= 2, rng.uniform(0, 50, shape), 0)
     n_chunks = (1, 1)
     return GainField(
         first_index=rng.integers(-4, 4, 3),
@@ -41,11 +40,10 @@ def test_the_march_is_that_of_the_oracle(seed: int) -> None:
     positions = low + rng.uniform(-0.2, 1.2, (3, 3)) * size * np.array(field.cells.shape[:3])
     panoramas = march(grid, field, positions, range_m=range_m)
     for i, position in enumerate(positions):
-        volume, voxels, quality = naive.march_one(grid, field, position, size_m=size, range_m=range_m)
+        volume, voxels = naive.march_one(grid, field, position, size_m=size, range_m=range_m)
         for marched, expected in (
             (panoramas.unseen_volume_m3[i], volume),
             (panoramas.unseen_voxels[i], voxels),
-            (panoramas.quality[i], quality),
         ):
             # Crossings are known to a float's precision: a voxel that is barely touched to less.
             np.testing.assert_allclose(marched, expected, rtol=1e-4, atol=1e-5 * max(expected.max(), 1e-3))
@@ -56,8 +54,6 @@ def random_maps(rng: np.random.Generator) -> MapSnapshot:
     n = int(rng.integers(1, 3000))
     gaussians = gaussians_at(rng.uniform(-0.2, 4.9, (n, 3)) * [1.0, 1.0, 0.2], radius_m=0.02)
     gaussians.parameters[:n, 7] = rng.uniform(-8, 4, n)
-    gaussians.information[:n] = 10.0 ** rng.uniform(-6, 3, (n, 8))
-    gaussians.information_weight[:n] = rng.choice([0.0, 0.1, 2.0], n)
     voxels = empty_voxels((4.0, 3.7, 0.5))
     voxels.states[:] = rng.choice(3, voxels.states.shape)
     voxels.attempts[:] = rng.integers(0, 5, voxels.states.shape)
@@ -72,10 +68,8 @@ def test_gathering_is_that_of_the_oracle(seed: int) -> None:
     voxels = snapshot.voxels
     field = GainField.over(voxels)
     chunks = rng.random(field.is_gathered.shape) < 0.6
-    field.gather(snapshot, chunks, prior_information=0.1, focal_px=600.0)
-    depth, quality, count = naive.gathered(
-        snapshot.gaussians, voxels.lower_m(), voxels.states.shape, 0.1, prior=0.1, focal=600.0
-    )
+    field.gather(snapshot, chunks)
+    depth, count = naive.gathered(snapshot.gaussians, voxels.lower_m(), voxels.states.shape, 0.1)
     dismissed = (voxels.states == VoxelState.UNOBSERVED) & (voxels.attempts >= voxels.config.max_attempts)
     depth[dismissed | (voxels.states == VoxelState.OCCUPIED)] = np.inf
     unseen = (voxels.states == VoxelState.UNOBSERVED) & ~dismissed
@@ -83,7 +77,6 @@ def test_gathering_is_that_of_the_oracle(seed: int) -> None:
     filled = chunks[i // CHUNK, j // CHUNK]
     np.testing.assert_allclose(field.cells[..., OPTICAL_DEPTH], np.where(filled, depth, 0), rtol=1e-4)
     np.testing.assert_array_equal(field.cells[..., UNSEEN], unseen & filled)
-    np.testing.assert_allclose(field.cells[..., QUALITY], np.where(filled, quality, 0), rtol=1e-3, atol=1e-5)
     expected = count[filled].sum() / max(np.count_nonzero(count[filled]), 1) / 0.01
     assert field.gaussians_per_m2(chunks) == pytest.approx(expected)
 
@@ -91,11 +84,11 @@ def test_gathering_is_that_of_the_oracle(seed: int) -> None:
 def test_chunks_gathered_one_by_one_hold_what_they_hold_together() -> None:
     snapshot = random_maps(np.random.default_rng(5))
     whole, parts = GainField.over(snapshot.voxels), GainField.over(snapshot.voxels)
-    whole.gather(snapshot, np.ones_like(whole.is_gathered), prior_information=0.1, focal_px=600.0)
+    whole.gather(snapshot, np.ones_like(whole.is_gathered))
     for chunk in np.argwhere(np.ones_like(parts.is_gathered)):
         one = np.zeros_like(parts.is_gathered)
         one[tuple(chunk)] = True
-        parts.gather(snapshot, one, prior_information=0.1, focal_px=600.0)
+        parts.gather(snapshot, one)
     np.testing.assert_array_equal(whole.cells, parts.cells)
     np.testing.assert_array_equal(whole.n_gaussians, parts.n_gaussians)
     assert parts.is_gathered.all()
@@ -108,9 +101,7 @@ def test_gathered_sums_do_not_depend_on_the_threads() -> None:
     for n in (1, 2, 3):
         kernels.set_threads(n)
         fields.append(GainField.over(snapshot.voxels))
-        fields[-1].gather(
-            snapshot, np.ones_like(fields[-1].is_gathered), prior_information=0.1, focal_px=600.0
-        )
+        fields[-1].gather(snapshot, np.ones_like(fields[-1].is_gathered))
     kernels.set_threads(threads)
     for other in fields[1:]:
         np.testing.assert_array_equal(fields[0].cells, other.cells)
@@ -135,11 +126,19 @@ def test_the_window_is_what_the_pinhole_sees(camera: CameraIntrinsics) -> None:
     step, rows = grid.azimuth_step_rad, np.arange(24)
     u = grid.tan_low + (rows + 0.5) * (grid.tan_high - grid.tan_low) / 24
     parts = (np.arange(40) + 0.5) / 40
+    window = grid.window()
     for a in range(72):
         phi = -np.pi + (a + parts) * step
         points = np.stack(np.broadcast_arrays(np.cos(phi), np.sin(phi), u[:, None]), axis=-1)
         inside = camera.project(pose.inverse().apply(points.reshape(-1, 3)))[1].reshape(24, 40)
-        np.testing.assert_allclose(grid.visible[:, (a - k) % 72], inside.mean(axis=1), atol=0.051)
+        np.testing.assert_allclose(window[:, (a - k) % 72], inside.mean(axis=1), atol=0.051)
+
+
+def test_a_window_of_a_power_weighs_directions_by_their_angle_off_the_axis() -> None:
+    grid = PanoramaGrid.for_camera(CAMERA, n_azimuths=24, n_elevations=4)
+    # Rows near the horizon see all bins from -45 to 45 degrees: the integral of 1 / cos^2 is 2.
+    np.testing.assert_allclose(grid.window(2)[1].sum() * grid.azimuth_step_rad, 2.0, rtol=1e-6)
+    np.testing.assert_allclose(grid.window(0)[1].sum() * grid.azimuth_step_rad, np.pi / 2, rtol=1e-6)
 
 
 def test_sliding_the_window_is_a_sum_over_what_it_covers() -> None:

@@ -30,19 +30,17 @@ def closed_room(size_m: tuple[float, float, float] = (4.0, 4.0, 2.5), *, margin:
     return voxels
 
 
-def gaussians_at(
-    centres_m: ndarray, *, information: float = 10.0, weight: float = 0.25, radius_m: float = 0.012
-) -> GaussianMap:
-    """Opaque Gaussians, each seen once from `1 / sqrt(weight)` metres."""
+def gaussians_at(centres_m: ndarray, *, information: float = 10.0, radius_m: float = 0.012) -> GaussianMap:
+    """Opaque Gaussians of many colours."""
     n = len(centres_m)
     parameters = np.zeros((n, 8), np.float32)
     parameters[:, :3] = centres_m
+    parameters[:, 3:6] = np.random.default_rng(0).uniform(0.0, 1.0, (n, 3))
     parameters[:, 6] = np.log(radius_m)
     parameters[:, 7] = 3.0
     gaussians = GaussianMap()
     gaussians.append(parameters, anchor_keyframe=0)
     gaussians.information[:n] = information
-    gaussians.information_weight[:n] = weight
     return gaussians
 
 

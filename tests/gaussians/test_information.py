@@ -64,11 +64,8 @@ def test_quality_image_adds_up_to_the_gain_of_the_view() -> None:
     assert quality_image(gaussians, CAMERA, POSE, 0.1).sum(dtype=float) == pytest.approx(gain, rel=1e-4)
 
 
-def test_accumulating_adds_views_and_weights_only_what_was_seen() -> None:
+def test_accumulating_adds_views() -> None:
     gaussians = scene()
-    behind = gaussians.parameters[:1].copy()
-    behind[0, :3] = POSE.apply(np.array([[0.0, 0.0, -1.0]]))[0]
-    gaussians.append(behind, anchor_keyframe=0)
     once = view_information(gaussians, CAMERA, POSE)
     version = gaussians.version
     accumulate_information(gaussians, CAMERA, POSE)
@@ -76,11 +73,18 @@ def test_accumulating_adds_views_and_weights_only_what_was_seen() -> None:
     size = gaussians.size
     np.testing.assert_allclose(gaussians.information[:size], 2.0 * once, rtol=1e-6)
     assert gaussians.version > version
-    z = POSE.inverse().apply(gaussians.centres_m.astype(float))[:, 2]
-    seen = once[:, 3] > 1e-6
-    assert not seen[-1]
-    np.testing.assert_allclose(
-        gaussians.information_weight[:size], np.where(seen, 2.0 / z**2, 0.0), rtol=1e-5
+
+
+def test_what_lies_beyond_the_range_gains_nothing() -> None:
+    gaussians = scene()
+    depths = POSE.inverse().apply(gaussians.centres_m.astype(float))[:, 2]
+    middle_m = float(np.median(depths))
+    near = gaussians.parameters[: gaussians.size][depths < middle_m]
+    only_near = GaussianMap()
+    only_near.append(near.copy(), anchor_keyframe=0)
+    np.testing.assert_array_equal(
+        quality_image(gaussians, CAMERA, POSE, 0.1, range_m=middle_m),
+        quality_image(only_near, CAMERA, POSE, 0.1),
     )
 
 

@@ -182,7 +182,7 @@ def test_what_is_not_seen_does_not_move() -> None:
     for name in ("parameters", "adam_first_moment", "adam_second_moment"):
         np.testing.assert_array_equal(before[name][still], after[name][still])
         assert not np.array_equal(before[name][~still], after[name][~still])
-    for name in ("information", "information_weight", "anchor_keyframe", "n_depth_observations"):
+    for name in ("information", "anchor_keyframe", "n_depth_observations"):
         np.testing.assert_array_equal(before[name], after[name])
     assert after["version"] > before["version"]
 
