@@ -106,7 +106,7 @@ def gains(
 
     Exact means: from every pixel of the full image (quality), or from slices of it drawn to every depth
     (coverage). Views stand where the planner's candidates stood and look anywhere. A few seconds a view.
-    Exit codes: 0 measured, 2 an option, preset or scene is wrong.
+    Exit codes: 0 measured, 2 an option, preset or scene is wrong, or the time too short.
     """
     overrides = parse_settings(settings or [])
     from hgs_core.benchmark.gains import run_gain_benchmark

@@ -94,7 +94,7 @@ def run_gain_benchmark(
         time_s = parts.world.robot.state.timestamp_s
         if not recorder.places_m:
             raise PlanningError(f"no candidate was weighed in the first {time_s:.0f} s: run for longer")
-        poses = _poses(np.array(recorder.places_m), n_views, np.random.default_rng(request.seed))
+        poses = draw_poses(np.array(recorder.places_m), n_views, np.random.default_rng(request.seed))
         coverage, quality = _compare(parts.mapper.snapshot(), config, poses, progress)
         return GainBenchmark(
             scene=parts.scene.name,
@@ -108,7 +108,7 @@ def run_gain_benchmark(
         )
 
 
-def _poses(
+def draw_poses(
     places_m: Float[ndarray, "n 2"], n_views: int, rng: np.random.Generator
 ) -> Float[ndarray, "n_views 3"]:
     """x, y [m], yaw [rad]: as many different places as there are."""
@@ -146,12 +146,13 @@ def _compare(
             exact_quality(snapshot, camera, pose, prior_information=gain.prior_information, range_m=range_m)
         )
     return (
-        _fidelity(np.array(coverage), gains.coverage_by_yaw[views]),
-        _fidelity(np.array(quality), gains.quality_by_yaw[views]),
+        fidelity(np.array(coverage), gains.coverage_by_yaw[views]),
+        fidelity(np.array(quality), gains.quality_by_yaw[views]),
     )
 
 
-def _fidelity(exact: Float[ndarray, " n"], fast: Float[ndarray, " n"]) -> GainFidelity:
+def fidelity(exact: Float[ndarray, " n"], fast: Float[ndarray, " n"]) -> GainFidelity:
+    """How well `fast` ranks what is worth `exact`."""
     rng = np.random.default_rng(0)
     hits = 0
     for _ in range(N_CASES):

@@ -30,10 +30,14 @@ class FisherField {
  private:
   struct Place { std::uint32_t part, row; };
   struct FilledCell { std::uint32_t first, n; };  // in `order_`
+  // One azimuth bin of a place's panorama, and what it looks at.
+  struct Column { std::uint64_t target; std::int32_t place, azimuth; };
 
   void sort_rows(const GaussianRows& map, const std::uint8_t* wanted);
   void make_bundles(const GaussianRows& map);
   void list_bundles();
+  std::vector<Column> by_target(const FisherCells& cells, const double* positions, std::int64_t n_positions,
+                                std::int64_t n_azimuth) const;
   template <class Visit>
   void for_each_cell(std::size_t chunk, Visit&& visit) const;
   template <class Visit>

@@ -79,6 +79,9 @@ using ListCells = void (*)(const float* parameters, std::int32_t n, const Fisher
 // A bundle of n rows of the map.
 using MakeBundle = void (*)(const float* parameters, const std::uint32_t* rows, std::int32_t n, const FisherRule& rule,
                             Bundle& bundle, BundleBounds& bounds);
+// first[r]: the first cell that holds anything on ray r; NO_CELL where there is none.
+using FirstCells = void (*)(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
+                            std::uint32_t* first);
 // scores[r]: sum_ik (dC/dw_ik)^2 / (I_ik + prior) of ray r.
 using ScoreRays = void (*)(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
                            RayStamps& stamps, FisherScore* scores);

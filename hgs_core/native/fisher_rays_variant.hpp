@@ -373,6 +373,16 @@ static FisherScore score_layers(const FisherCells& cells, const FisherRule& rule
   return score;
 }
 
+static void first_cells(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
+                        std::uint32_t* first) {
+  Crossings crossings[LANES];
+  for (int base = 0; base < rays.n; base += LANES) {
+    const int n = rays.n - base < LANES ? rays.n - base : LANES;
+    list_crossings(cells, rule, rays, base, n, crossings);
+    for (int i = 0; i < n; ++i) first[base + i] = crossings[i].n == 0 ? NO_CELL : crossings[i].cell[0];
+  }
+}
+
 static void score_rays(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays, RayStamps& stamps,
                        FisherScore* scores) {
   Layers layers;

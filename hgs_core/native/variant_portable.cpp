@@ -12,7 +12,7 @@ const VariantKernels KERNELS_PORTABLE = {
     "portable",
     {portable::forward, portable::backward, portable::stages, portable::optimise, portable::information,
      portable::quality_image},
-    {portable::gather_rows, portable::march_rays, portable::list_cells, portable::make_bundle,
+    {portable::gather_rows, portable::march_rays, portable::list_cells, portable::make_bundle, portable::first_cells,
      portable::score_rays},
     portable::multiply_add,
 };

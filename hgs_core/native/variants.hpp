@@ -12,6 +12,7 @@ struct GainKernels {
   MarchRays march;
   ListCells list_cells;
   MakeBundle make_bundle;
+  FirstCells first_cells;
   ScoreRays score_rays;
 };
 
