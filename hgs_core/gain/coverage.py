@@ -5,14 +5,19 @@ from __future__ import annotations
 from jaxtyping import Float64
 from numpy import ndarray
 
-from hgs_core.gain.panorama import PanoramaGrid, Panoramas, by_yaw
+from hgs_core.gain.panorama import Panoramas, by_yaw
 from hgs_core.gain.viewpoint import CoverageMeasure
 
 
 def coverage_by_yaw(
-    grid: PanoramaGrid, panoramas: Panoramas, measure: CoverageMeasure, *, voxel_volume_m3: float
+    window: Float64[ndarray, "n_elevations n_azimuths"],
+    panoramas: Panoramas,
+    measure: CoverageMeasure,
+    *,
+    voxel_volume_m3: float,
+    pixels_per_ray: float,
 ) -> Float64[ndarray, "n n_yaws"]:
-    """Coverage of the camera at each yaw.
+    """Coverage of the camera at each yaw; `window` is `PanoramaGrid.window()`.
 
     `volume`: unobserved volume in view, each part weighted with the transmittance before it [m^3]; the
     integral of `r^2 dr dOmega`, so the same at every resolution. `paper`: Eq. 4 as printed, summed over the
@@ -20,5 +25,5 @@ def coverage_by_yaw(
     grows with the camera's resolution. A voxel that was dismissed (looked at in vain) gains nothing.
     """
     if measure is CoverageMeasure.VOLUME:
-        return by_yaw(panoramas.unseen_volume_m3, grid.window())
-    return by_yaw(panoramas.unseen_voxels, grid.window()) * (grid.pixels_per_ray * voxel_volume_m3)
+        return by_yaw(panoramas.unseen_volume_m3, window)
+    return by_yaw(panoramas.unseen_voxels, window) * (pixels_per_ray * voxel_volume_m3)

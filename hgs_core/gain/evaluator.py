@@ -10,7 +10,7 @@ from hgs_core.gain.adaptive import adaptive_gains
 from hgs_core.gain.coverage import coverage_by_yaw
 from hgs_core.gain.field import GainField
 from hgs_core.gain.panorama import PanoramaGrid, march
-from hgs_core.gain.quality import FisherField, as_area
+from hgs_core.gain.quality import FisherField, RaySample, as_area
 from hgs_core.gain.viewpoint import GainConfig, ViewGains
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
@@ -31,9 +31,12 @@ class PanoramaGainEvaluator:
         self.config = config
         self._range_m = range_m
         self._camera = intrinsics
-        self._grid, self._sample = (
-            PanoramaGrid.for_camera(intrinsics, n_azimuths=config.azimuth_bins, n_elevations=rows)
-            for rows in (config.elevation_bins, config.quality_elevation_bins)
+        self._grid = PanoramaGrid.for_camera(
+            intrinsics, n_azimuths=config.azimuth_bins, n_elevations=config.elevation_bins
+        )
+        self._window = self._grid.window()
+        self._sample = RaySample.for_camera(
+            intrinsics, n_azimuths=config.azimuth_bins, n_elevations=config.quality_elevation_bins
         )
         self._field: GainField | None = None
         self._fisher: FisherField | None = None
@@ -47,10 +50,11 @@ class PanoramaGainEvaluator:
         near = field.chunks_near(positions_m, self._range_m)
         field.gather(snapshot, near)
         coverage = coverage_by_yaw(
-            self._grid,
+            self._window,
             march(self._grid, field, positions_m, range_m=self._range_m),
             self.config.coverage_measure,
             voxel_volume_m3=field.size_m**3,
+            pixels_per_ray=self._grid.pixels_per_ray,
         )
         quality = as_area(
             self._quality(snapshot, positions_m, near), gaussians_per_m2=field.gaussians_per_m2(near)

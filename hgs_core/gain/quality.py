@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 from numpy import ndarray
@@ -17,6 +19,22 @@ SIDEWAYS_POWER, OTHER_POWER = 5, 4
 """How the score of a direction grows towards the sides of an image, as powers of 1 / cos(angle off the axis).
 Three are for the pixels that it has there. The rest is the flat image's: off its axis a Gaussian that moves
 moves farther in it, most of all sideways."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RaySample:
+    """The directions of a panorama that are scored exactly, and how a camera sees them."""
+
+    grid: PanoramaGrid
+    sideways: Float64[ndarray, "n_elevations n_azimuths"]
+    """Window over the scores by sideways motion."""
+    other: Float64[ndarray, "n_elevations n_azimuths"]
+    """Window over those by all else."""
+
+    @staticmethod
+    def for_camera(camera: CameraIntrinsics, *, n_azimuths: int, n_elevations: int) -> RaySample:
+        grid = PanoramaGrid.for_camera(camera, n_azimuths=n_azimuths, n_elevations=n_elevations)
+        return RaySample(grid=grid, sideways=grid.window(SIDEWAYS_POWER), other=grid.window(OTHER_POWER))
 
 
 class FisherField:
@@ -64,9 +82,10 @@ class FisherField:
             self._is_gathered[wanted] = True
 
     def score_by_yaw(
-        self, grid: PanoramaGrid, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"]
+        self, sample: RaySample, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"]
     ) -> Float64[ndarray, "n n_yaws"]:
         """Eq. 9's gain of the camera at each yaw. Everything in reach must have been gathered."""
+        grid = sample.grid
         scores = np.zeros((len(positions_m), grid.n_elevations, grid.n_azimuths, 2), np.float32)
         gaussians = snapshot.gaussians
         self._kernel.score(
@@ -81,7 +100,7 @@ class FisherField:
         pixels_of_ray = self._focal_px**2 * grid.azimuth_step_rad * row_step  # on the camera's axis
         sideways, other = (np.ascontiguousarray(scores[..., part]) for part in range(2))
         by_yaws: Float64[ndarray, "n n_yaws"] = pixels_of_ray * (
-            by_yaw(sideways, grid.window(SIDEWAYS_POWER)) + by_yaw(other, grid.window(OTHER_POWER))
+            by_yaw(sideways, sample.sideways) + by_yaw(other, sample.other)
         )
         return by_yaws
 

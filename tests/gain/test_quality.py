@@ -8,7 +8,7 @@ from hgs_core.benchmark.room import BenchmarkRoom
 from hgs_core.gain.evaluator import PanoramaGainEvaluator
 from hgs_core.gain.exact import exact_coverage, exact_quality
 from hgs_core.gain.panorama import PanoramaGrid
-from hgs_core.gain.quality import FisherField
+from hgs_core.gain.quality import FisherField, RaySample
 from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.gaussians.information import quality_image
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
@@ -40,11 +40,11 @@ def everywhere(room: BenchmarkRoom) -> np.ndarray:
 
 
 def sampled(
-    room: BenchmarkRoom, camera: CameraIntrinsics, grid: PanoramaGrid, positions: np.ndarray
+    room: BenchmarkRoom, camera: CameraIntrinsics, sample: RaySample, positions: np.ndarray
 ) -> np.ndarray:
     field = field_of(room, camera)
     field.gather(room.snapshot(), everywhere(room))
-    return field.score_by_yaw(grid, room.snapshot(), positions)
+    return field.score_by_yaw(sample, room.snapshot(), positions)
 
 
 def exact(room: BenchmarkRoom, camera: CameraIntrinsics, position: np.ndarray, yaw_rad: float) -> float:
@@ -101,11 +101,11 @@ def test_each_ray_scores_what_its_pixel_scores() -> None:
 
 
 def test_many_rays_sum_up_to_the_exact_score(room: BenchmarkRoom) -> None:
-    grid = PanoramaGrid.for_camera(NARROW, n_azimuths=2160, n_elevations=160)
+    sample = RaySample.for_camera(NARROW, n_azimuths=2160, n_elevations=160)
     position = np.array([0.8, 0.8, 1.2])
-    scores = sampled(room, NARROW, grid, position[None])[0]
+    scores = sampled(room, NARROW, sample, position[None])[0]
     for k in (1180, 1300, 1420):
-        truth = exact(room, NARROW, position, float(grid.yaws_rad[k]))
+        truth = exact(room, NARROW, position, float(sample.grid.yaws_rad[k]))
         assert scores[k] == pytest.approx(truth, rel=0.1)
 
 
@@ -136,35 +136,35 @@ def test_few_rays_rank_views_as_the_exact_score_does(room: BenchmarkRoom) -> Non
 
 
 def test_chunks_gathered_one_by_one_score_as_they_do_together(room: BenchmarkRoom) -> None:
-    grid = PanoramaGrid.for_camera(WIDE, n_azimuths=60, n_elevations=16)
+    sample = RaySample.for_camera(WIDE, n_azimuths=60, n_elevations=16)
     field, chunks = field_of(room, WIDE), everywhere(room)
     for chunk in np.argwhere(chunks):
         one = np.zeros_like(chunks)
         one[tuple(chunk)] = True
         field.gather(room.snapshot(), one)
-    parts = field.score_by_yaw(grid, room.snapshot(), room.viewpoints_m(4))
-    np.testing.assert_allclose(parts, sampled(room, WIDE, grid, room.viewpoints_m(4)), rtol=1e-4)
+    parts = field.score_by_yaw(sample, room.snapshot(), room.viewpoints_m(4))
+    np.testing.assert_allclose(parts, sampled(room, WIDE, sample, room.viewpoints_m(4)), rtol=1e-4)
 
 
 def test_scores_do_not_depend_on_the_threads(room: BenchmarkRoom) -> None:
-    grid = PanoramaGrid.for_camera(WIDE, n_azimuths=60, n_elevations=16)
+    sample = RaySample.for_camera(WIDE, n_azimuths=60, n_elevations=16)
     threads = kernels.threads()
     scores = []
     for n in (1, 3):
         kernels.set_threads(n)
-        scores.append(sampled(room, WIDE, grid, room.viewpoints_m(4)))
+        scores.append(sampled(room, WIDE, sample, room.viewpoints_m(4)))
     kernels.set_threads(threads)
     np.testing.assert_array_equal(*scores)
 
 
 def test_a_field_that_forgets_scores_as_a_new_one(room: BenchmarkRoom) -> None:
-    grid = PanoramaGrid.for_camera(WIDE, n_azimuths=60, n_elevations=16)
+    sample = RaySample.for_camera(WIDE, n_azimuths=60, n_elevations=16)
     field = field_of(room, WIDE)
     for _ in range(2):
         field.forget()
         field.gather(room.snapshot(), everywhere(room))
-    again = field.score_by_yaw(grid, room.snapshot(), room.viewpoints_m(2))
-    np.testing.assert_array_equal(again, sampled(room, WIDE, grid, room.viewpoints_m(2)))
+    again = field.score_by_yaw(sample, room.snapshot(), room.viewpoints_m(2))
+    np.testing.assert_array_equal(again, sampled(room, WIDE, sample, room.viewpoints_m(2)))
 
 
 def test_nearness_beyond_saturation_gains_no_more(room: BenchmarkRoom) -> None:
