@@ -175,6 +175,7 @@ void list_by_tile(Workspace& workspace) {
 #pragma omp single
     {
       std::uint32_t sum = 0;
+      workspace.most_entries = 0;
       for (std::size_t tile = 0; tile < n_tiles; ++tile) {
         tile_begin[tile] = sum;
         for (int t = 0; t < threads; ++t) {
@@ -183,6 +184,7 @@ void list_by_tile(Workspace& workspace) {
           entry = sum;
           sum += count;
         }
+        workspace.most_entries = std::max(workspace.most_entries, sum - tile_begin[tile]);
       }
       tile_begin[n_tiles] = sum;
     }

@@ -8,7 +8,7 @@
 //   log radius: ds^2 = 2 s^2                         logit opacity: dlog(a) = 1 - o
 // A centre in the world: camera coordinates = R c + t, so its derivatives are R^T of those.
 #pragma once
-#include "rasterise_sweeps.hpp"
+#include "rasterise_information.hpp"
 
 namespace hgs::HGS_VARIANT {
 

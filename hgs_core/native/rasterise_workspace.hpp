@@ -41,12 +41,23 @@ struct TileEntry {
   std::uint32_t pair;
 };
 
+// What one splat does to one tile, separated into columns and rows: a = along[x] down[y].
+struct alignas(64) Trace {
+  float along[TILE_W];    // 2^(-falloff dx^2)
+  float down[TILE_H];     // opacity 2^(-falloff dy^2)
+  float r, g, b, z;
+  float u, v;             // from the centre of the tile's first pixel
+  std::uint32_t patches;  // bit i: the splat reaches patch i of the tile, which still let light through
+  TileEntry entry;
+};
+
 struct Workspace {
   // Splats lie in slots: slot = 256 * (index of the visible block) + rank within it.
   std::size_t n_visible_blocks = 0;
   std::size_t n_splats = 0;
   std::size_t n_pairs = 0;
   int tiles_x = 0, tiles_y = 0;
+  std::uint32_t most_entries = 0;  // of any tile
   Scratch<std::uint32_t> visible_blocks;
   Scratch<std::uint32_t> block_splats;  // splats of each visible block
   Scratch<std::uint32_t> splats_before;  // prefix sums over the visible blocks
@@ -57,6 +68,7 @@ struct Workspace {
   Scratch<std::uint32_t> histograms;
   Scratch<std::uint32_t> tile_begin;  // (n_tiles + 1)
   Scratch<TileEntry> entries;         // grouped by tile, front to back in each
+  Scratch<Trace> traces;              // (threads, most_entries): of the tile that a thread is at
   Scratch<float> pair_sums;           // (n_pairs, 8): what a second sweep adds up per pair
   Scratch<float> slot_coefficients;   // (slots, 8)
   Scratch<double> tile_losses;        // (n_tiles, 4)

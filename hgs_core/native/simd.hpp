@@ -126,6 +126,67 @@ HGS_INLINE VInt to_cell(VFloat a) {  // towards minus infinity
   return whole + (to_float(whole) > a);  // a true comparison is -1
 }
 
+HGS_INLINE VFloat vabs(VFloat a) { return (VFloat)((VInt)a & 0x7fffffff); }
+
+// A yes or no per lane; AVX-512 keeps these in registers of their own.
+#if defined(__AVX512F__)
+typedef __mmask16 VMask;
+HGS_INLINE VMask at_least(VFloat a, VFloat b) { return _mm512_cmp_ps_mask(a, b, _CMP_GE_OQ); }
+HGS_INLINE VMask at_least(VMask among, VFloat a, VFloat b) {
+  return _mm512_mask_cmp_ps_mask(among, a, b, _CMP_GE_OQ);
+}
+HGS_INLINE VFloat where(VMask mask, VFloat a) { return _mm512_maskz_mov_ps(mask, a); }  // 0 elsewhere
+HGS_INLINE std::uint32_t mask_bits(VMask mask) { return mask; }
+#else
+typedef VInt VMask;
+HGS_INLINE VMask at_least(VFloat a, VFloat b) { return a >= b; }
+HGS_INLINE VMask at_least(VMask among, VFloat a, VFloat b) { return among & (a >= b); }
+HGS_INLINE VFloat where(VMask mask, VFloat a) { return (VFloat)((VInt)a & mask); }
+HGS_INLINE std::uint32_t mask_bits(VMask mask) { return lane_bits(mask); }
+#endif
+
+// Vectors over 4 columns and LANES / 4 rows: lane i lies in column i % 4 and row i / 4.
+HGS_INLINE VFloat spread_columns(const float* columns) {
+#if defined(__AVX512F__)
+  return _mm512_broadcast_f32x4(_mm_loadu_ps(columns));
+#elif defined(__AVX2__)
+  return _mm256_broadcast_ps(reinterpret_cast<const __m128*>(columns));
+#else
+  return load(columns);
+#endif
+}
+
+// Of 4 rows those from `part` * LANES / 4 on.
+HGS_INLINE VFloat spread_rows(const float* rows, int part) {
+#if defined(__AVX512F__)
+  (void)part;
+  return _mm512_permutevar_ps(spread_columns(rows),
+                              _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3));
+#elif defined(__AVX2__)
+  const __m256i first = _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1);
+  return _mm256_permutevar_ps(spread_columns(rows), _mm256_add_epi32(first, _mm256_set1_epi32(2 * part)));
+#else
+  return splat_all(rows[part]);
+#endif
+}
+
+// Writes label + i for every set bit i of the 16, and maybe more behind them, up to out[15]; returns how many are set.
+HGS_INLINE int list_bits(std::uint32_t bits, std::uint32_t label, std::uint32_t* out) {
+#if defined(__AVX512F__)
+  const __m512i numbers = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  const __m512i labels = _mm512_add_epi32(numbers, _mm512_set1_epi32(static_cast<int>(label)));
+  _mm512_storeu_si512(out, _mm512_maskz_compress_epi32(static_cast<__mmask16>(bits), labels));
+  return __builtin_popcount(bits);
+#else
+  int n = 0;  // without a branch: which bits are set cannot be predicted
+  for (std::uint32_t i = 0; i < 16; ++i) {
+    out[n] = label + i;
+    n += static_cast<int>(bits >> i & 1);
+  }
+  return n;
+#endif
+}
+
 // 2^x, relative error below 2e-7; x is clamped to [-126, 126].
 HGS_INLINE VFloat vexp2(VFloat x) {
   x = vmax(vmin(x, splat_all(126.0f)), splat_all(-126.0f));
