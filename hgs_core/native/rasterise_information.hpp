@@ -32,7 +32,7 @@ HGS_INLINE VFloat fisher_pixels(float* pixels, VFloat a, const Trace& trace, VFl
   const VFloat alpha = masked_alpha(a, T, counts);
   weight = alpha * T;
   const VFloat ratio = alpha * inverse(1.0f - alpha);
-  const VFloat red = trace.r * weight, green = trace.g * weight, blue = trace.b * weight;
+  const VFloat red = trace.spot.r * weight, green = trace.spot.g * weight, blue = trace.spot.b * weight;
   const VFloat sr = load(pixels + SR_PLANE * PATCH) - red;
   const VFloat sg = load(pixels + SG_PLANE * PATCH) - green;
   const VFloat sb = load(pixels + SB_PLANE * PATCH) - blue;
@@ -46,10 +46,10 @@ HGS_INLINE VFloat fisher_pixels(float* pixels, VFloat a, const Trace& trace, VFl
 
 // Calls visit(pixels, a, x, y) for every vector of pixels that the trace touches, (x, y) from the splat.
 template <class Visit>
-HGS_INLINE void for_each_vector(const Trace& trace, FisherTile& state, Visit&& visit) {
+HGS_INLINE void for_each_vector(const Tile& tile, const Trace& trace, FisherTile& state, Visit&& visit) {
   const VFloat lx = lane_x(), ly = lane_y();
   VectorCentres centres;
-  centres_from(trace.u, trace.v, centres);
+  centres_from(trace, tile, centres);
   for (std::uint32_t bits = trace.patches; bits != 0; bits &= bits - 1) {
     const std::uint32_t patch = static_cast<std::uint32_t>(__builtin_ctz(bits));
     for (int part = 0; part < PARTS; ++part) {
@@ -59,11 +59,11 @@ HGS_INLINE void for_each_vector(const Trace& trace, FisherTile& state, Visit&& v
   }
 }
 
-static void sweep_fisher(Traces traces, FisherTile& state, float* pair_sums) {
+static void sweep_fisher(Tile tile, Traces traces, FisherTile& state, float* pair_sums) {
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
     VFloat sums[8] = {};
-    for_each_vector(trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
+    for_each_vector(tile, trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
       VFloat weight;
       const VFloat E = fisher_pixels(pixels, a, trace, weight);
       const VFloat Ex = E * x, Ey = E * y, d2 = x * x + y * y;
@@ -81,12 +81,12 @@ static void sweep_fisher(Traces traces, FisherTile& state, float* pair_sums) {
 }
 
 // Adds to the gain plane, per splat, E c_0 + E (c_1 .. c_6) . (xx, xy, yy, xd, yd, dd) + c_7 w^2.
-static void sweep_quality(Traces traces, FisherTile& state,
+static void sweep_quality(Tile tile, Traces traces, FisherTile& state,
                           const float* slot_coefficients) {
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
     const float* c = slot_coefficients + 8 * std::size_t{trace.entry.slot};
-    for_each_vector(trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
+    for_each_vector(tile, trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
       VFloat weight;
       const VFloat E = fisher_pixels(pixels, a, trace, weight);
       const VFloat d2 = x * x + y * y;

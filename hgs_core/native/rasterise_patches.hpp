@@ -52,18 +52,17 @@ HGS_INLINE void fill_transmittance(TilePlanes<N_PLANES>& tile, int width, int he
   }
 }
 
-// Centre of the patch that a vector's lane i stands for, for patches first .. first + LANES - 1, from the tile's
-// first pixel.
-HGS_INLINE VFloat patch_x(int first) {
+// Centres of patches first .. first + LANES - 1.
+HGS_INLINE VFloat patch_x(const Tile& tile, int first) {
   VFloat x;
   for (int i = 0; i < LANES; ++i) x[i] = (first + i) % PATCHES_X * EDGE + 0.5f * (EDGE - 1);
-  return x;
+  return x + tile.x0;
 }
 
-HGS_INLINE VFloat patch_y(int first) {
+HGS_INLINE VFloat patch_y(const Tile& tile, int first) {
   VFloat y;
   for (int i = 0; i < LANES; ++i) y[i] = (first + i) / PATCHES_X * EDGE + 0.5f * (EDGE - 1);
-  return y;
+  return y + tile.y0;
 }
 
 HGS_INLINE VFloat lane_numbers() {
@@ -73,36 +72,32 @@ HGS_INLINE VFloat lane_numbers() {
 }
 
 // Bit i: some pixel of patch i lies within the splat's reach.
-HGS_INLINE std::uint32_t patches_within(float u, float v, float reach) {
-  const VFloat half = splat_all(0.5f * (EDGE - 1)), reach2 = splat_all(reach * reach);
+HGS_INLINE std::uint32_t patches_within(const Splat& splat, const Tile& tile) {
+  constexpr float HALF = 0.5f * (EDGE - 1);
+  const VFloat u = splat_all(splat.u), v = splat_all(splat.v), reach = splat_all(splat.reach);
   std::uint32_t bits = 0;
   for (int first = 0; first < PATCHES; first += LANES) {
-    const VFloat dx = vmax(vabs(patch_x(first) - u) - half, VFloat{});
-    const VFloat dy = vmax(vabs(patch_y(first) - v) - half, VFloat{});
-    bits |= mask_bits(at_least(reach2, dx * dx + dy * dy)) << first;
+    const VFloat x = patch_x(tile, first), y = patch_y(tile, first);
+    const VFloat dx = u - vmax(vmin(u, x + HALF), x - HALF);  // from the patch's nearest pixel
+    const VFloat dy = v - vmax(vmin(v, y + HALF), y - HALF);
+    bits |= mask_bits(at_least(reach * reach, dx * dx + dy * dy)) << first;
   }
   return bits;
 }
 
 HGS_INLINE void trace(const Splat& splat, TileEntry entry, const Tile& tile, std::uint32_t open, Trace& out) {
-  const float u = splat.u - tile.x0, v = splat.v - tile.y0;
-  const float falloff = -splat.falloff;
+  const VFloat falloff = splat_all(splat.falloff), opacity = splat_all(splat.opacity);
   for (int j = 0; j < TILE_W; j += LANES) {
-    const VFloat dx = lane_numbers() + (static_cast<float>(j) - u);
-    store(out.along + j, vexp2(falloff * dx * dx));
+    const VFloat dx = (lane_numbers() + (tile.x0 + static_cast<float>(j))) - splat.u;
+    store(out.along + j, vexp2_minus(falloff * dx * dx));
   }
   for (int j = 0; j < TILE_H; j += LANES) {
-    const VFloat dy = lane_numbers() + (static_cast<float>(j) - v);
-    store(out.down + j, splat.opacity * vexp2(falloff * dy * dy));
+    const VFloat dy = (lane_numbers() + (tile.y0 + static_cast<float>(j))) - splat.v;
+    store(out.down + j, opacity * vexp2_minus(falloff * dy * dy));
   }
-  out.r = splat.r;
-  out.g = splat.g;
-  out.b = splat.b;
-  out.z = splat.z;
-  out.u = u;
-  out.v = v;
-  out.patches = patches_within(u, v, splat.reach) & open;
+  out.spot = splat;
   out.entry = entry;
+  out.patches = patches_within(splat, tile) & open;
 }
 
 // o 2^(-k d^2) in one vector of a patch.

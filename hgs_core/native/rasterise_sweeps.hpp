@@ -34,10 +34,10 @@ HGS_INLINE void draw(const Trace& trace, std::uint32_t patch, ForwardTile& state
     VMask counts;
     const VFloat weight = masked_alpha(footprint(trace, patch, part), T, counts) * T;
     store(pixels + T_PLANE * PATCH, T - weight);
-    store(pixels + R_PLANE * PATCH, load(pixels + R_PLANE * PATCH) + trace.r * weight);
-    store(pixels + G_PLANE * PATCH, load(pixels + G_PLANE * PATCH) + trace.g * weight);
-    store(pixels + B_PLANE * PATCH, load(pixels + B_PLANE * PATCH) + trace.b * weight);
-    store(pixels + D_PLANE * PATCH, load(pixels + D_PLANE * PATCH) + trace.z * weight);
+    store(pixels + R_PLANE * PATCH, load(pixels + R_PLANE * PATCH) + trace.spot.r * weight);
+    store(pixels + G_PLANE * PATCH, load(pixels + G_PLANE * PATCH) + trace.spot.g * weight);
+    store(pixels + B_PLANE * PATCH, load(pixels + B_PLANE * PATCH) + trace.spot.b * weight);
+    store(pixels + D_PLANE * PATCH, load(pixels + D_PLANE * PATCH) + trace.spot.z * weight);
   }
 }
 
@@ -50,7 +50,7 @@ struct Traces {
 //
 // A batch is traced first and drawn then: with its (splat, patch) pairs in one list, no loop ends after a number of
 // patches that the processor cannot foresee.
-static Traces sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& state, Trace* traces) {
+static Traces sweep_forward(Tile tile, const Splat* splats, ForwardTile& state, Trace* traces) {
   std::uint32_t items[BATCH * PATCHES + PATCHES];  // PATCHES * number in the batch + patch
   for (std::uint32_t first = 0; first < tile.n_entries; first += BATCH) {
     const std::uint32_t open = open_patches(state);
@@ -81,9 +81,9 @@ struct VectorCentres {
   alignas(64) float x[PATCHES], y[PARTS][PATCHES], d2[PARTS][PATCHES];
 };
 
-HGS_INLINE void centres_from(float u, float v, VectorCentres& centres) {
+HGS_INLINE void centres_from(const Trace& trace, const Tile& tile, VectorCentres& centres) {
   for (int first = 0; first < PATCHES; first += LANES) {
-    const VFloat x = patch_x(first) - u, from_patch = patch_y(first) - v;
+    const VFloat x = patch_x(tile, first) - trace.spot.u, from_patch = patch_y(tile, first) - trace.spot.v;
     store(centres.x + first, x);
     for (int part = 0; part < PARTS; ++part) {
       const VFloat y = from_patch + (part * PART_ROWS - 0.5f * (EDGE - PART_ROWS));
@@ -106,14 +106,14 @@ HGS_INLINE VFloat lane_y() {
   return y;
 }
 
-static void sweep_backward(Traces traces, GradientTile& state, float* pair_sums) {
+static void sweep_backward(Tile tile, Traces traces, GradientTile& state, float* pair_sums) {
   const VFloat lx = lane_x(), ly = lane_y(), l2 = lx * lx + ly * ly;
   VectorCentres centres;
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
-    centres_from(trace.u, trace.v, centres);
-    const VFloat red = splat_all(trace.r), green = splat_all(trace.g), blue = splat_all(trace.b);
-    const VFloat depth = splat_all(trace.z);
+    centres_from(trace, tile, centres);
+    const VFloat red = splat_all(trace.spot.r), green = splat_all(trace.spot.g), blue = splat_all(trace.spot.b);
+    const VFloat depth = splat_all(trace.spot.z);
     VFloat p{}, px{}, py{}, pd{}, r{}, g{}, b{}, z{};  // px, py, pd: P times a vector's centre
     for (std::uint32_t bits = trace.patches; bits != 0; bits &= bits - 1) {
       const std::uint32_t patch = static_cast<std::uint32_t>(__builtin_ctz(bits));

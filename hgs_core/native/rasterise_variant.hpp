@@ -74,7 +74,7 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
                         [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           GradientTile gradients;
                           gradients_of_image(state, window, camera, image, gradients);
-                          sweep_backward(traces, gradients, pair_sums);
+                          sweep_backward(tile, traces, gradients, pair_sums);
                           clear_pairs(tile, traces.n, pair_sums);
                         });
   add_gradients(workspace, camera, gradient);
@@ -100,7 +100,7 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
                         [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           GradientTile gradients;
                           gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          sweep_backward(traces, gradients, pair_sums);
+                          sweep_backward(tile, traces, gradients, pair_sums);
                           clear_pairs(tile, traces.n, pair_sums);
                         });
   step_visible(workspace, camera, adam);
@@ -146,7 +146,7 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
                         [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           GradientTile gradients;
                           gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          sweep_backward(traces, gradients, pair_sums);
+                          sweep_backward(tile, traces, gradients, pair_sums);
                           clear_pairs(tile, traces.n, pair_sums);
                         });
   times.backward_s = lap() - times.forward_s;
@@ -174,7 +174,7 @@ static void information(const GaussianRows& gaussians, const PinholeCamera& came
                         [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           FisherTile fisher;
                           start_fisher(state, window, fisher);
-                          sweep_fisher(traces, fisher, pair_sums);
+                          sweep_fisher(tile, traces, fisher, pair_sums);
                           clear_pairs(tile, traces.n, pair_sums);
                         });
   add_information(workspace, camera, information, weight);
@@ -188,10 +188,10 @@ static void quality_image(const GaussianRows& gaussians, const PinholeCamera& ca
   quality_coefficients(workspace, camera, information, prior);
   const float* coefficients = workspace.slot_coefficients.get();
   for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile&, const Window& window, const ForwardTile& state, Traces traces) {
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           FisherTile fisher;
                           start_fisher(state, window, fisher);
-                          sweep_quality(traces, fisher, coefficients);
+                          sweep_quality(tile, traces, fisher, coefficients);
                           for (int y = 0; y < window.height; ++y) {
                             float* out = image + window.first_pixel + std::size_t{1} * y * camera.width;
                             for (int x = 0; x < window.width; ++x) {

@@ -12,13 +12,17 @@ namespace hgs {
 inline constexpr int TILE_W = 16;
 inline constexpr int TILE_H = 16;
 
-// A Gaussian on the screen.
-struct Splat {
-  float u, v;              // [px]
-  float falloff;           // log2(e) / (2 sigma^2): a = opacity * 2^(-falloff d^2)
+// What a pixel has to know of a Gaussian.
+struct alignas(32) Spot {
+  float u, v;     // [px]
+  float falloff;  // log2(e) / (2 sigma^2): a = opacity * 2^(-falloff d^2)
   float opacity;
   float r, g, b;
-  float z;                 // [m]
+  float z;        // [m]
+};
+
+// A Gaussian on the screen: one line of cache.
+struct alignas(64) Splat : Spot {
   float reach;             // where a falls below 1/255 [px], rounded up
   float own_variance;      // (f r / z)^2 [px^2]
   std::uint32_t row;       // in the map
@@ -45,10 +49,9 @@ struct TileEntry {
 struct alignas(64) Trace {
   float along[TILE_W];    // 2^(-falloff dx^2)
   float down[TILE_H];     // opacity 2^(-falloff dy^2)
-  float r, g, b, z;
-  float u, v;             // from the centre of the tile's first pixel
-  std::uint32_t patches;  // bit i: the splat reaches patch i of the tile, which still let light through
+  Spot spot;
   TileEntry entry;
+  std::uint32_t patches;  // bit i: the splat reaches patch i of the tile, which still let light through
 };
 
 struct Workspace {

@@ -170,15 +170,45 @@ HGS_INLINE VFloat spread_rows(const float* rows, int part) {
 #endif
 }
 
+#if defined(__AVX2__) && !defined(__AVX512F__)
+struct BitLists {
+  std::uint8_t of[256][8];  // the set bits of a byte, from the lowest on
+};
+
+constexpr BitLists list_bits_of_bytes() {
+  BitLists lists{};
+  for (int byte = 0; byte < 256; ++byte) {
+    int n = 0;
+    for (int bit = 0; bit < 8; ++bit) {
+      if (byte >> bit & 1) lists.of[byte][n++] = static_cast<std::uint8_t>(bit);
+    }
+  }
+  return lists;
+}
+
+inline constexpr BitLists BIT_LISTS = list_bits_of_bytes();
+
+HGS_INLINE int list_byte(std::uint32_t byte, std::uint32_t label, std::uint32_t* out) {
+  const __m128i bits = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(BIT_LISTS.of[byte]));
+  const __m256i labels = _mm256_add_epi32(_mm256_cvtepu8_epi32(bits), _mm256_set1_epi32(static_cast<int>(label)));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), labels);
+  return __builtin_popcount(byte);
+}
+#endif
+
 // Writes label + i for every set bit i of the 16, and maybe more behind them, up to out[15]; returns how many are set.
+// Without a branch: which bits are set cannot be predicted.
 HGS_INLINE int list_bits(std::uint32_t bits, std::uint32_t label, std::uint32_t* out) {
 #if defined(__AVX512F__)
   const __m512i numbers = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   const __m512i labels = _mm512_add_epi32(numbers, _mm512_set1_epi32(static_cast<int>(label)));
   _mm512_storeu_si512(out, _mm512_maskz_compress_epi32(static_cast<__mmask16>(bits), labels));
   return __builtin_popcount(bits);
+#elif defined(__AVX2__)
+  const int n = list_byte(bits & 0xff, label, out);
+  return n + list_byte(bits >> 8, label + 8, out + n);
 #else
-  int n = 0;  // without a branch: which bits are set cannot be predicted
+  int n = 0;
   for (std::uint32_t i = 0; i < 16; ++i) {
     out[n] = label + i;
     n += static_cast<int>(bits >> i & 1);
@@ -202,6 +232,19 @@ HGS_INLINE VFloat vexp2(VFloat x) {
   return (VFloat)((VInt)p + exponent);
 }
 
+// 2^-x for x >= 0, relative error below 3e-7; x is clamped to 126.
+HGS_INLINE VFloat vexp2_minus(VFloat x) {
+  x = vmin(x, splat_all(126.0f));
+  const VFloat shifted = 12582912.0f - x;  // as above
+  const VFloat f = x - (12582912.0f - shifted);
+  VFloat p = f * -1.3276472e-3f + 9.6755410e-3f;
+  p = p * f - 5.5507131e-2f;
+  p = p * f + 2.4022120e-1f;
+  p = p * f - 6.9314694e-1f;
+  p = p * f + 1.0000001f;
+  return (VFloat)((VInt)p + ((VInt)shifted << 23));
+}
+
 HGS_INLINE VFloat vexp(VFloat x) { return vexp2(x * 1.44269504f); }
 
 // log2(x) for positive normal x, absolute error below 2e-4: for bounds, not for values.
@@ -215,20 +258,29 @@ HGS_INLINE VFloat vlog2_rough(VFloat x) {
   return __builtin_convertvector(exponent, VFloat) + series;
 }
 
+#if defined(__AVX512F__)
+// Lanes that belong together, added: the upper half of `a` to its lower, and the other way round for `b`; by 8, by 2.
+HGS_INLINE __m512 fold_halves(__m512 a, __m512 b) {
+  return _mm512_add_ps(_mm512_mask_blend_ps(0xff00, a, b), _mm512_shuffle_f32x4(a, b, 0x4e));
+}
+HGS_INLINE __m512 fold_pairs(__m512 a, __m512 b) {
+  const __m512d x = _mm512_castps_pd(a), y = _mm512_castps_pd(b);
+  return _mm512_add_ps(_mm512_castpd_ps(_mm512_mask_blend_pd(0xaa, x, y)),
+                       _mm512_castpd_ps(_mm512_shuffle_pd(x, y, 0x55)));
+}
+#endif
+
 // out[k] = sum of the lanes of v[k].
 HGS_INLINE void sum_lanes_of_8(const VFloat v[8], float* out) {
-#if defined(__AVX2__)
-  __m256 h[8];
-  for (int k = 0; k < 8; ++k) {
 #if defined(__AVX512F__)
-    h[k] = _mm256_add_ps(_mm512_castps512_ps256(v[k]),
-                         _mm256_castpd_ps(_mm512_extractf64x4_pd(_mm512_castps_pd(v[k]), 1)));
-#else
-    h[k] = v[k];
-#endif
-  }
-  const __m256 a = _mm256_hadd_ps(_mm256_hadd_ps(h[0], h[1]), _mm256_hadd_ps(h[2], h[3]));
-  const __m256 b = _mm256_hadd_ps(_mm256_hadd_ps(h[4], h[5]), _mm256_hadd_ps(h[6], h[7]));
+  const __m512 a = fold_pairs(fold_halves(v[0], v[4]), fold_halves(v[1], v[5]));
+  const __m512 b = fold_pairs(fold_halves(v[2], v[6]), fold_halves(v[3], v[7]));
+  const __m512 sums = _mm512_add_ps(_mm512_shuffle_ps(a, b, 0x88), _mm512_shuffle_ps(a, b, 0xdd));
+  const __m512 even = _mm512_shuffle_f32x4(sums, sums, 0x08), odd = _mm512_shuffle_f32x4(sums, sums, 0x0d);
+  _mm256_storeu_ps(out, _mm256_add_ps(_mm512_castps512_ps256(even), _mm512_castps512_ps256(odd)));
+#elif defined(__AVX2__)
+  const __m256 a = _mm256_hadd_ps(_mm256_hadd_ps(v[0], v[1]), _mm256_hadd_ps(v[2], v[3]));
+  const __m256 b = _mm256_hadd_ps(_mm256_hadd_ps(v[4], v[5]), _mm256_hadd_ps(v[6], v[7]));
   const __m256 low = _mm256_permute2f128_ps(a, b, 0x20);
   const __m256 high = _mm256_permute2f128_ps(a, b, 0x31);
   _mm256_storeu_ps(out, _mm256_add_ps(low, high));
