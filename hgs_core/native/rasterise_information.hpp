@@ -46,24 +46,26 @@ HGS_INLINE VFloat fisher_pixels(float* pixels, VFloat a, const Trace& trace, VFl
 
 // Calls visit(pixels, a, x, y) for every vector of pixels that the trace touches, (x, y) from the splat.
 template <class Visit>
-HGS_INLINE void for_each_vector(const Tile& tile, const Trace& trace, FisherTile& state, Visit&& visit) {
+HGS_INLINE void for_each_vector(const TileFrame& frame, const Trace& trace, FisherTile& state, Visit&& visit) {
   const VFloat lx = lane_x(), ly = lane_y();
-  VectorCentres centres;
-  centres_from(trace, tile, centres);
+  VectorOrigins origins;
+  origins_from(trace.spot, frame, origins);
   for (std::uint32_t bits = trace.patches; bits != 0; bits &= bits - 1) {
     const std::uint32_t patch = static_cast<std::uint32_t>(__builtin_ctz(bits));
     for (int part = 0; part < PARTS; ++part) {
-      visit(state.patches[patch][0] + part * LANES, footprint(trace, patch, part), centres.x[patch] + lx,
-            centres.y[part][patch] + ly);
+      visit(state.patches[patch][0] + part * LANES, footprint(trace, patch, part), origins.x[patch] + lx,
+            origins.y[part][patch] + ly);
     }
   }
 }
 
-static void sweep_fisher(Tile tile, Traces traces, FisherTile& state, float* pair_sums) {
+static void sweep_fisher(const Tile& tile, Traces traces, FisherTile& state, float* pair_sums) {
+  TileFrame frame;
+  frame_tile(tile, frame);
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
     VFloat sums[8] = {};
-    for_each_vector(tile, trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
+    for_each_vector(frame, trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
       VFloat weight;
       const VFloat E = fisher_pixels(pixels, a, trace, weight);
       const VFloat Ex = E * x, Ey = E * y, d2 = x * x + y * y;
@@ -81,12 +83,14 @@ static void sweep_fisher(Tile tile, Traces traces, FisherTile& state, float* pai
 }
 
 // Adds to the gain plane, per splat, E c_0 + E (c_1 .. c_6) . (xx, xy, yy, xd, yd, dd) + c_7 w^2.
-static void sweep_quality(Tile tile, Traces traces, FisherTile& state,
+static void sweep_quality(const Tile& tile, Traces traces, FisherTile& state,
                           const float* slot_coefficients) {
+  TileFrame frame;
+  frame_tile(tile, frame);
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
     const float* c = slot_coefficients + 8 * std::size_t{trace.entry.slot};
-    for_each_vector(tile, trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
+    for_each_vector(frame, trace, state, [&](float* pixels, VFloat a, VFloat x, VFloat y) HGS_LAMBDA {
       VFloat weight;
       const VFloat E = fisher_pixels(pixels, a, trace, weight);
       const VFloat d2 = x * x + y * y;

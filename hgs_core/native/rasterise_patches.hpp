@@ -16,7 +16,7 @@ inline constexpr int PATCHES_X = TILE_W / EDGE;
 inline constexpr int PATCHES = PATCHES_X * (TILE_H / EDGE);
 inline constexpr int PARTS = PATCH / LANES;     // vectors of a patch, one below the other
 inline constexpr int PART_ROWS = LANES / EDGE;
-static_assert(PATCHES == 16 && PATCHES % LANES == 0);
+static_assert(PATCHES == 16);
 
 struct Tile {
   float x0, y0;                // centre of its first pixel
@@ -52,52 +52,48 @@ HGS_INLINE void fill_transmittance(TilePlanes<N_PLANES>& tile, int width, int he
   }
 }
 
-// Centres of patches first .. first + LANES - 1.
-HGS_INLINE VFloat patch_x(const Tile& tile, int first) {
-  VFloat x;
-  for (int i = 0; i < LANES; ++i) x[i] = (first + i) % PATCHES_X * EDGE + 0.5f * (EDGE - 1);
-  return x + tile.x0;
-}
+// Where a tile's columns, rows and patches lie; a patch from the centre of its first to that of its last pixel [px].
+struct TileFrame {
+  alignas(64) float column[TILE_W], row[TILE_H];
+  alignas(64) float left[PATCHES], right[PATCHES], top[PATCHES], bottom[PATCHES];
+};
 
-HGS_INLINE VFloat patch_y(const Tile& tile, int first) {
-  VFloat y;
-  for (int i = 0; i < LANES; ++i) y[i] = (first + i) / PATCHES_X * EDGE + 0.5f * (EDGE - 1);
-  return y + tile.y0;
-}
-
-HGS_INLINE VFloat lane_numbers() {
-  VFloat lanes;
-  for (int i = 0; i < LANES; ++i) lanes[i] = static_cast<float>(i);
-  return lanes;
+HGS_INLINE void frame_tile(const Tile& tile, TileFrame& frame) {
+  for (int x = 0; x < TILE_W; ++x) frame.column[x] = tile.x0 + static_cast<float>(x);
+  for (int y = 0; y < TILE_H; ++y) frame.row[y] = tile.y0 + static_cast<float>(y);
+  for (int patch = 0; patch < PATCHES; ++patch) {
+    frame.left[patch] = tile.x0 + static_cast<float>(patch % PATCHES_X * EDGE);
+    frame.right[patch] = frame.left[patch] + (EDGE - 1);
+    frame.top[patch] = tile.y0 + static_cast<float>(patch / PATCHES_X * EDGE);
+    frame.bottom[patch] = frame.top[patch] + (EDGE - 1);
+  }
 }
 
 // Bit i: some pixel of patch i lies within the splat's reach.
-HGS_INLINE std::uint32_t patches_within(const Splat& splat, const Tile& tile) {
-  constexpr float HALF = 0.5f * (EDGE - 1);
+HGS_INLINE std::uint32_t patches_within(const Splat& splat, const TileFrame& frame) {
   const VFloat u = splat_all(splat.u), v = splat_all(splat.v), reach = splat_all(splat.reach);
   std::uint32_t bits = 0;
   for (int first = 0; first < PATCHES; first += LANES) {
-    const VFloat x = patch_x(tile, first), y = patch_y(tile, first);
-    const VFloat dx = u - vmax(vmin(u, x + HALF), x - HALF);  // from the patch's nearest pixel
-    const VFloat dy = v - vmax(vmin(v, y + HALF), y - HALF);
+    const VFloat dx = u - vmax(vmin(u, load(frame.right + first)), load(frame.left + first));
+    const VFloat dy = v - vmax(vmin(v, load(frame.bottom + first)), load(frame.top + first));
     bits |= mask_bits(at_least(reach * reach, dx * dx + dy * dy)) << first;
   }
   return bits;
 }
 
-HGS_INLINE void trace(const Splat& splat, TileEntry entry, const Tile& tile, std::uint32_t open, Trace& out) {
+HGS_INLINE void trace(const Splat& splat, TileEntry entry, const TileFrame& frame, std::uint32_t open, Trace& out) {
   const VFloat falloff = splat_all(splat.falloff), opacity = splat_all(splat.opacity);
-  for (int j = 0; j < TILE_W; j += LANES) {
-    const VFloat dx = (lane_numbers() + (tile.x0 + static_cast<float>(j))) - splat.u;
-    store(out.along + j, vexp2_minus(falloff * dx * dx));
+  for (int x = 0; x < TILE_W; x += LANES) {
+    const VFloat dx = load(frame.column + x) - splat.u;
+    store(out.along + x, vexp2_minus(falloff * dx * dx));
   }
-  for (int j = 0; j < TILE_H; j += LANES) {
-    const VFloat dy = (lane_numbers() + (tile.y0 + static_cast<float>(j))) - splat.v;
-    store(out.down + j, opacity * vexp2_minus(falloff * dy * dy));
+  for (int y = 0; y < TILE_H; y += LANES) {
+    const VFloat dy = load(frame.row + y) - splat.v;
+    store(out.down + y, opacity * vexp2_minus(falloff * dy * dy));
   }
   out.spot = splat;
   out.entry = entry;
-  out.patches = patches_within(splat, tile) & open;
+  out.patches = patches_within(splat, frame) & open;
 }
 
 // o 2^(-k d^2) in one vector of a patch.

@@ -50,7 +50,9 @@ struct Traces {
 //
 // A batch is traced first and drawn then: with its (splat, patch) pairs in one list, no loop ends after a number of
 // patches that the processor cannot foresee.
-static Traces sweep_forward(Tile tile, const Splat* splats, ForwardTile& state, Trace* traces) {
+static Traces sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& state, Trace* traces) {
+  TileFrame frame;
+  frame_tile(tile, frame);
   std::uint32_t items[BATCH * PATCHES + PATCHES];  // PATCHES * number in the batch + patch
   for (std::uint32_t first = 0; first < tile.n_entries; first += BATCH) {
     const std::uint32_t open = open_patches(state);
@@ -61,7 +63,7 @@ static Traces sweep_forward(Tile tile, const Splat* splats, ForwardTile& state, 
     for (std::uint32_t i = 0; i < count; ++i) {
       const TileEntry entry = tile.entries[first + i];
       if (i + BATCH < left) __builtin_prefetch(&splats[tile.entries[first + i + BATCH].slot]);
-      trace(splats[entry.slot], entry, tile, open, batch[i]);
+      trace(splats[entry.slot], entry, frame, open, batch[i]);
       n_items += list_bits(batch[i].patches, PATCHES * i, items + n_items);
     }
     for (int k = 0; k < n_items; ++k) draw(batch[items[k] / PATCHES], items[k] % PATCHES, state);
@@ -76,45 +78,47 @@ enum { SUM_P, SUM_P_DX, SUM_P_DY, SUM_P_D2, SUM_R, SUM_G, SUM_B, SUM_Z };
 enum { GT_PLANE, S_PLANE, DR_PLANE, DG_PLANE, DB_PLANE, DD_PLANE, DA_PLANE, GRADIENT_PLANES };
 using GradientTile = TilePlanes<GRADIENT_PLANES>;
 
-// Where the vectors of a tile lie as seen from a splat: (x, y) of their centres and x^2 + y^2.
-struct VectorCentres {
+// Where the first pixels of a tile's vectors lie as seen from a splat: (x, y), and x^2 + y^2.
+struct VectorOrigins {
   alignas(64) float x[PATCHES], y[PARTS][PATCHES], d2[PARTS][PATCHES];
 };
 
-HGS_INLINE void centres_from(const Trace& trace, const Tile& tile, VectorCentres& centres) {
+HGS_INLINE void origins_from(const Spot& spot, const TileFrame& frame, VectorOrigins& origins) {
   for (int first = 0; first < PATCHES; first += LANES) {
-    const VFloat x = patch_x(tile, first) - trace.spot.u, from_patch = patch_y(tile, first) - trace.spot.v;
-    store(centres.x + first, x);
+    const VFloat x = load(frame.left + first) - spot.u;
+    store(origins.x + first, x);
     for (int part = 0; part < PARTS; ++part) {
-      const VFloat y = from_patch + (part * PART_ROWS - 0.5f * (EDGE - PART_ROWS));
-      store(centres.y[part] + first, y);
-      store(centres.d2[part] + first, x * x + y * y);
+      const VFloat y = load(frame.top + first) - (spot.v - static_cast<float>(part * PART_ROWS));
+      store(origins.y[part] + first, y);
+      store(origins.d2[part] + first, x * x + y * y);
     }
   }
 }
 
-// A lane's place from the centre of its vector.
+// A lane's place from the first pixel of its vector.
 HGS_INLINE VFloat lane_x() {
   VFloat x;
-  for (int i = 0; i < LANES; ++i) x[i] = i % EDGE - 0.5f * (EDGE - 1);
+  for (int i = 0; i < LANES; ++i) x[i] = static_cast<float>(i % EDGE);
   return x;
 }
 
 HGS_INLINE VFloat lane_y() {
   VFloat y;
-  for (int i = 0; i < LANES; ++i) y[i] = i / EDGE - 0.5f * (PART_ROWS - 1);
+  for (int i = 0; i < LANES; ++i) y[i] = static_cast<float>(i / EDGE);
   return y;
 }
 
-static void sweep_backward(Tile tile, Traces traces, GradientTile& state, float* pair_sums) {
+static void sweep_backward(const Tile& tile, Traces traces, GradientTile& state, float* pair_sums) {
   const VFloat lx = lane_x(), ly = lane_y(), l2 = lx * lx + ly * ly;
-  VectorCentres centres;
+  TileFrame frame;
+  frame_tile(tile, frame);
+  VectorOrigins origins;
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
-    centres_from(trace, tile, centres);
+    origins_from(trace.spot, frame, origins);
     const VFloat red = splat_all(trace.spot.r), green = splat_all(trace.spot.g), blue = splat_all(trace.spot.b);
     const VFloat depth = splat_all(trace.spot.z);
-    VFloat p{}, px{}, py{}, pd{}, r{}, g{}, b{}, z{};  // px, py, pd: P times a vector's centre
+    VFloat p{}, px{}, py{}, pd{}, r{}, g{}, b{}, z{};  // px, py, pd: P times a vector's origin
     for (std::uint32_t bits = trace.patches; bits != 0; bits &= bits - 1) {
       const std::uint32_t patch = static_cast<std::uint32_t>(__builtin_ctz(bits));
       for (int part = 0; part < PARTS; ++part) {
@@ -126,7 +130,7 @@ static void sweep_backward(Tile tile, Traces traces, GradientTile& state, float*
         const VFloat weight = alpha * T;
         const VFloat dr = load(pixels + DR_PLANE * PATCH), dg = load(pixels + DG_PLANE * PATCH);
         const VFloat db = load(pixels + DB_PLANE * PATCH), dd = load(pixels + DD_PLANE * PATCH);
-        const VFloat q = (dr * red + dg * green) + (db * blue + (dd * depth + load(pixels + DA_PLANE * PATCH)));
+        const VFloat q = dr * red + (dg * green + (db * blue + (dd * depth + load(pixels + DA_PLANE * PATCH))));
         const VFloat qw = q * weight;
         const VFloat S = load(pixels + S_PLANE * PATCH) - qw;
         store(pixels + GT_PLANE * PATCH, T - weight);
@@ -134,16 +138,16 @@ static void sweep_backward(Tile tile, Traces traces, GradientTile& state, float*
         const VMask free = at_least(splat_all(MAX_ALPHA), a);
         const VFloat P = where(free, qw - S * (alpha * inverse(1.0f - alpha)));
         p += P;
-        px += P * centres.x[patch];
-        py += P * centres.y[part][patch];
-        pd += P * centres.d2[part][patch];
+        px += P * origins.x[patch];
+        py += P * origins.y[part][patch];
+        pd += P * origins.d2[part][patch];
         r += dr * weight;
         g += dg * weight;
         b += db * weight;
         z += dd * weight;
       }
     }
-    // With (x, y) the centre of a vector and (lx, ly) a lane's place in it, d^2 = x^2 + y^2 + 2 (x lx + y ly) + l^2.
+    // With (x, y) the origin of a vector and (lx, ly) a lane's place in it, d^2 = x^2 + y^2 + 2 (x lx + y ly) + l^2.
     const VFloat sums[8] = {p, px + p * lx, py + p * ly, pd + 2.0f * (px * lx + py * ly) + p * l2, r, g, b, z};
     sum_lanes_of_8(sums, pair_sums + 8 * std::size_t{trace.entry.pair});
   }
