@@ -36,6 +36,9 @@ HGS_INLINE void store(float* p, VFloat v) { *reinterpret_cast<VFloatMemory*>(p) 
 HGS_INLINE void store(std::int32_t* p, VInt v) { *reinterpret_cast<VIntMemory*>(p) = v; }
 HGS_INLINE VFloat splat_all(float s) { return s - VFloat{}; }
 
+HGS_INLINE VFloat8 load8(const float* p) { return *reinterpret_cast<const VFloat8*>(p); }
+HGS_INLINE void store8(float* p, VFloat8 v) { *reinterpret_cast<VFloat8*>(p) = v; }
+
 HGS_INLINE VFloat vmin(VFloat a, VFloat b) {
 #if defined(__AVX512F__)
   return _mm512_min_ps(a, b);
@@ -65,6 +68,43 @@ HGS_INLINE VFloat vsqrt(VFloat a) {
   VFloat root{};
   for (int i = 0; i < LANES; ++i) root[i] = __builtin_sqrtf(a[i]);
   return root;
+#endif
+}
+
+HGS_INLINE VFloat8 vsqrt8(VFloat8 a) {
+#if defined(__AVX2__)
+  return _mm256_sqrt_ps(a);
+#else
+  VFloat8 root{};
+  for (int i = 0; i < 8; ++i) root[i] = __builtin_sqrtf(a[i]);
+  return root;
+#endif
+}
+
+HGS_INLINE VFloat8 vmin8(VFloat8 a, VFloat8 b) {
+#if defined(__AVX2__)
+  return _mm256_min_ps(a, b);
+#else
+  return a < b ? a : b;
+#endif
+}
+
+HGS_INLINE VFloat8 vmax8(VFloat8 a, VFloat8 b) {
+#if defined(__AVX2__)
+  return _mm256_max_ps(a, b);
+#else
+  return a > b ? a : b;
+#endif
+}
+
+// Whether all lanes are 0.
+HGS_INLINE bool all_zero8(VFloat8 a) {
+#if defined(__AVX2__)
+  return _mm256_movemask_ps(_mm256_cmp_ps(a, _mm256_setzero_ps(), _CMP_NEQ_UQ)) == 0;
+#else
+  bool zero = true;
+  for (int i = 0; i < 8; ++i) zero = zero && a[i] == 0.0f;
+  return zero;
 #endif
 }
 
