@@ -31,14 +31,32 @@ struct ValidDepths {
 };
 
 static ValidDepths valid_depths(const Target& target, const PinholeCamera& camera) {
-  const std::size_t n = std::size_t{1} * camera.width * camera.height;
-  ValidDepths valid;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!is_valid_depth(target.depth[i])) continue;
-    ++valid.pixels;
-    if (target.depth[i] > valid.farthest) valid.farthest = target.depth[i];
+  const std::int64_t n = std::int64_t{1} * camera.width * camera.height;
+  const std::int64_t whole = n / LANES * LANES;
+  std::int64_t pixels = 0;
+  float farthest = 0.0f;
+#pragma omp parallel reduction(+ : pixels) reduction(max : farthest)
+  {
+    VInt counts{};
+    VFloat most{};
+#pragma omp for schedule(static)
+    for (std::int64_t i = 0; i < whole; i += LANES) {
+      const VFloat depth = load(target.depth + i);
+      const VInt valid = (depth > 0.0f) & (depth < __builtin_inff());
+      counts -= valid;  // a true comparison is -1
+      most = vmax(most, valid ? depth : VFloat{});
+    }
+    for (int lane = 0; lane < LANES; ++lane) {
+      pixels += counts[lane];
+      farthest = most[lane] > farthest ? most[lane] : farthest;
+    }
   }
-  return valid;
+  for (std::int64_t i = whole; i < n; ++i) {
+    if (!is_valid_depth(target.depth[i])) continue;
+    ++pixels;
+    farthest = target.depth[i] > farthest ? target.depth[i] : farthest;
+  }
+  return {pixels, farthest};
 }
 
 // Starts a backward sweep: T and S = g . (C, D, A).
@@ -94,17 +112,37 @@ HGS_INLINE VFloat signed_as(VFloat scale, VFloat a) {
 enum { TRUE_R, TRUE_G, TRUE_B, TRUE_DEPTH, TARGET_PLANES };
 using TargetTile = TilePlanes<TARGET_PLANES>;
 
+// The same values of one row of pixels, as many as the tile is wide.
+struct TargetRow {
+  alignas(64) float values[TARGET_PLANES][TILE_W];
+};
+
+HGS_INLINE void load_row(const std::uint8_t* rgb, const float* depth, int width, TargetRow& row) {
+  for (int x = 0; x < width; ++x) {
+    for (int k = 0; k < 3; ++k) row.values[TRUE_R + k][x] = rgb[3 * x + k];
+    row.values[TRUE_DEPTH][x] = is_valid_depth(depth[x]) ? depth[x] : 0.0f;
+  }
+}
+
 HGS_INLINE void load_target(const Target& target, const Window& window, const PinholeCamera& camera,
                             TargetTile& tile) {
-  __builtin_memset(&tile, 0, sizeof(tile));
+  if (window.width < TILE_W || window.height < TILE_H) __builtin_memset(&tile, 0, sizeof(tile));
+  TargetRow row{};
   for (int y = 0; y < window.height; ++y) {
     const std::size_t first = window.first_pixel + std::size_t{1} * y * camera.width;
     const std::uint8_t* rgb = target.rgb + 3 * first;
-    for (int x = 0; x < window.width; ++x) {
+    __builtin_prefetch(rgb + 6 * TILE_W - 1);  // the end of the next tile's row
+    __builtin_prefetch(target.depth + first + 2 * TILE_W - 1);
+    if (window.width == TILE_W) {
+      load_row(rgb, target.depth + first, TILE_W, row);  // a loop of known length becomes vectors
+    } else {
+      load_row(rgb, target.depth + first, window.width, row);
+    }
+    for (int x = 0; x < TILE_W; x += EDGE) {
       const PixelPlace at = place_of(x, y);
-      float(*planes)[PATCH] = tile.patches[at.patch];
-      for (int k = 0; k < 3; ++k) planes[TRUE_R + k][at.lane] = rgb[3 * x + k];
-      planes[TRUE_DEPTH][at.lane] = is_valid_depth(target.depth[first + x]) ? target.depth[first + x] : 0.0f;
+      for (int k = 0; k < TARGET_PLANES; ++k) {
+        __builtin_memcpy(tile.patches[at.patch][k] + at.lane, row.values[k] + x, EDGE * sizeof(float));
+      }
     }
   }
 }
