@@ -48,7 +48,7 @@ HGS_INLINE VFloat8 gather(const float* pair_sums, std::uint32_t begin, std::uint
 
 HGS_INLINE std::uint32_t end_of_pairs(const Workspace& workspace, std::size_t block, std::uint32_t rank) {
   const bool last = rank + 1 == workspace.block_splats.get()[block];
-  return last ? workspace.pairs_before.get()[block + 1] : workspace.splats.get()[block * BLOCK + rank + 1].first_pair;
+  return last ? workspace.pairs_before.get()[block + 1] : workspace.spans.get()[block * BLOCK + rank + 1].first_pair;
 }
 
 // Calls visit(splat, sums, state of its block) for every splat, in map order; a block is visited by one thread.
@@ -56,6 +56,7 @@ template <class BeginBlock, class Visit, class EndBlock>
 HGS_INLINE void for_each_splat(const Workspace& workspace, BeginBlock&& begin_block, Visit&& visit,
                                EndBlock&& end_block) {
   const Splat* splats = workspace.splats.get();
+  const TileSpan* spans = workspace.spans.get();
   const float* pair_sums = workspace.pair_sums.get();
 #pragma omp parallel
   {
@@ -64,8 +65,8 @@ HGS_INLINE void for_each_splat(const Workspace& workspace, BeginBlock&& begin_bl
     for (std::size_t block = 0; block < workspace.n_visible_blocks; ++block) {
       auto state = begin_block(block);
       for (std::uint32_t rank = 0; rank < workspace.block_splats.get()[block]; ++rank) {
-        const Splat& splat = splats[block * BLOCK + rank];
-        visit(splat, gather(pair_sums, splat.first_pair, end_of_pairs(workspace, block, rank)), state);
+        const std::size_t slot = block * BLOCK + rank;
+        visit(splats[slot], gather(pair_sums, spans[slot].first_pair, end_of_pairs(workspace, block, rank)), state);
       }
       end_block(block, state);
     }

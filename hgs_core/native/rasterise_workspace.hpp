@@ -26,18 +26,22 @@ struct alignas(64) Splat : Spot {
   float reach;             // where a falls below 1/255 [px], rounded up
   float own_variance;      // (f r / z)^2 [px^2]
   std::uint32_t row;       // in the map
-  std::uint32_t first_pair;  // its tiles are pairs first_pair .. first_pair + (number of its tiles)
 };
 
 // The tiles that a splat touches: bit 4 * i + j of `mask` is tile (y + i, x + j). A splat that spans more than
 // 4 x 4 tiles has mask 0 and is walked tile by tile.
 struct TileSpan {
-  std::uint32_t first_pair;
+  std::uint32_t first_pair;  // its tiles are pairs first_pair .. first_pair + (number of its tiles)
+  std::uint32_t depth_key;   // orders the splats by depth
   std::uint16_t x, y;
   std::uint16_t mask;
   std::uint16_t count;  // of the bits in mask
 };
 inline constexpr int SPAN = 4;
+
+// Of a depth: steps of 4e-6 of the depth from the near plane to 6.5 km.
+inline constexpr int DEPTH_KEY_BITS = 22;
+inline constexpr int DEPTH_KEY_DROPPED = 5;  // low bits of the float
 
 // A splat in a tile; `pair` numbers all pairs of a splat one after another.
 struct TileEntry {
