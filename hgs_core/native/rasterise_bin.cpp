@@ -185,8 +185,11 @@ void list_by_tile(Workspace& workspace) {
       __builtin_prefetch(&spans[static_cast<std::uint32_t>(keys[std::min(i + PREFETCH_AHEAD, n - 1)])]);
       const std::uint32_t slot = static_cast<std::uint32_t>(keys[i]);
       std::uint32_t pair = spans[slot].first_pair;
-      for_each_tile(spans[slot], splats[slot], tiles_x, tiles_y,
-                    [&](int tile) { entries[next[tile]++] = {slot, pair++}; });
+      for_each_tile(spans[slot], splats[slot], tiles_x, tiles_y, [&](int tile) {
+        TileEntry* entry = entries + next[tile]++;
+        __builtin_prefetch(entry + 64 / sizeof(TileEntry), 1);  // the tile's next line of cache
+        *entry = {slot, pair++};
+      });
     }
   }
 }

@@ -10,6 +10,7 @@
 namespace hgs::HGS_VARIANT {
 
 inline constexpr int BATCH = 16;  // splats between two looks for patches that have gone opaque
+inline constexpr std::uint32_t PREFETCH_SUMS = 8;  // splats ahead of the one that is written
 
 // T and the running sums.
 enum { T_PLANE, R_PLANE, G_PLANE, B_PLANE, D_PLANE, FORWARD_PLANES };
@@ -116,6 +117,8 @@ static void sweep_backward(const Tile& tile, Traces traces, GradientTile& state,
   for (std::uint32_t i = 0; i < traces.n; ++i) {
     const Trace& trace = traces.first[i];
     origins_from(trace.spot, frame, origins);
+    const std::uint32_t ahead = i + PREFETCH_SUMS < traces.n ? i + PREFETCH_SUMS : i;
+    __builtin_prefetch(pair_sums + 8 * std::size_t{traces.first[ahead].entry.pair}, 1);
     const VFloat red = splat_all(trace.spot.r), green = splat_all(trace.spot.g), blue = splat_all(trace.spot.b);
     const VFloat depth = splat_all(trace.spot.z);
     VFloat p{}, px{}, py{}, pd{}, r{}, g{}, b{}, z{};  // px, py, pd: P times a vector's origin
