@@ -28,8 +28,7 @@ static void start_fisher(const ForwardTile& state, const Window& window, FisherT
 // E in one vector of pixels; advances T and the sums to come.
 HGS_INLINE VFloat fisher_pixels(float* pixels, VFloat a, const Trace& trace, VFloat& weight) {
   const VFloat T = load(pixels + FT_PLANE * PATCH);
-  VMask counts;
-  const VFloat alpha = masked_alpha(a, T, counts);
+  const VFloat alpha = masked_alpha(a, T);
   weight = alpha * T;
   const VFloat ratio = alpha * inverse(1.0f - alpha);
   const VFloat red = trace.spot.r * weight, green = trace.spot.g * weight, blue = trace.spot.b * weight;

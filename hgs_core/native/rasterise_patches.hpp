@@ -1,7 +1,7 @@
 // How a tile's pixels lie in memory, and which splats reach which of them.
 // Included only by the variant files (see simd.hpp).
 //
-// A tile is cut into patches of 4 x 4 pixels: a disc touches fewer of these than rows of 16 pixels.
+// A tile is cut into patches of 4 x 4 pixels: a disc touches a third fewer of these than rows of 16 pixels.
 // An isotropic splat separates: a = (o 2^(-k dy^2)) 2^(-k dx^2), so a tile costs exponentials per row and per
 // column, none per pixel.
 #pragma once
@@ -104,8 +104,8 @@ HGS_INLINE VFloat footprint(const Trace& trace, std::uint32_t patch, int part) {
 }
 
 // min(a, MAX_ALPHA) where the splat counts, else 0.
-HGS_INLINE VFloat masked_alpha(VFloat a, VFloat T, VMask& counts) {
-  counts = at_least(at_least(T, splat_all(MIN_TRANSMITTANCE)), a, splat_all(MIN_ALPHA));
+HGS_INLINE VFloat masked_alpha(VFloat a, VFloat T) {
+  const VMask counts = at_least(at_least(T, splat_all(MIN_TRANSMITTANCE)), a, splat_all(MIN_ALPHA));
   return where(counts, vmin(a, splat_all(MAX_ALPHA)));
 }
 

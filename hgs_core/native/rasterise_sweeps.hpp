@@ -32,8 +32,7 @@ HGS_INLINE void draw(const Trace& trace, std::uint32_t patch, ForwardTile& state
   for (int part = 0; part < PARTS; ++part) {
     float* pixels = state.patches[patch][0] + part * LANES;
     const VFloat T = load(pixels + T_PLANE * PATCH);
-    VMask counts;
-    const VFloat weight = masked_alpha(footprint(trace, patch, part), T, counts) * T;
+    const VFloat weight = masked_alpha(footprint(trace, patch, part), T) * T;
     store(pixels + T_PLANE * PATCH, T - weight);
     store(pixels + R_PLANE * PATCH, load(pixels + R_PLANE * PATCH) + trace.spot.r * weight);
     store(pixels + G_PLANE * PATCH, load(pixels + G_PLANE * PATCH) + trace.spot.g * weight);
@@ -42,13 +41,12 @@ HGS_INLINE void draw(const Trace& trace, std::uint32_t patch, ForwardTile& state
   }
 }
 
-// What a forward sweep leaves behind: the traces of the first `n` entries; the tile was opaque then.
+// What a forward sweep leaves behind: the traces of a tile's first `n` entries, up to where it went opaque.
 struct Traces {
   const Trace* first;
   std::uint32_t n;
 };
 
-//
 // A batch is traced first and drawn then: with its (splat, patch) pairs in one list, no loop ends after a number of
 // patches that the processor cannot foresee.
 static Traces sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& state, Trace* traces) {
@@ -128,8 +126,7 @@ static void sweep_backward(const Tile& tile, Traces traces, GradientTile& state,
         float* pixels = state.patches[patch][0] + part * LANES;
         const VFloat T = load(pixels + GT_PLANE * PATCH);
         const VFloat a = footprint(trace, patch, part);
-        VMask counts;
-        const VFloat alpha = masked_alpha(a, T, counts);
+        const VFloat alpha = masked_alpha(a, T);
         const VFloat weight = alpha * T;
         const VFloat dr = load(pixels + DR_PLANE * PATCH), dg = load(pixels + DG_PLANE * PATCH);
         const VFloat db = load(pixels + DB_PLANE * PATCH), dd = load(pixels + DD_PLANE * PATCH);

@@ -80,6 +80,19 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
   add_gradients(workspace, camera, gradient);
 }
 
+// Both sweeps of every tile, with the loss between them.
+static void sweep_loss(Workspace& workspace, const PinholeCamera& camera, const Target& target, const LossScale& scale,
+                       float* pair_sums, double* tile_losses) {
+  for_each_tile_forward(
+      workspace, camera,
+      [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+        GradientTile gradients;
+        gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
+        sweep_backward(tile, traces, gradients, pair_sums);
+        clear_pairs(tile, traces.n, pair_sums);
+      });
+}
+
 static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& whole, const Target& target,
                          const AdamState& adam) {
   LossSums loss;
@@ -96,13 +109,7 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
   const LossScale scale = loss_scale(target, loss.pixels);
-  for_each_tile_forward(workspace, camera,
-                        [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
-                          GradientTile gradients;
-                          gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          sweep_backward(tile, traces, gradients, pair_sums);
-                          clear_pairs(tile, traces.n, pair_sums);
-                        });
+  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses);
   step_visible(workspace, camera, adam);
   double uncovered = 0.0, covered = 0.0;
   for (int index = 0; index < n_tiles; ++index) {
@@ -142,13 +149,7 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
   const LossScale scale = loss_scale(target, valid_depths(target, camera).pixels + 1);
   began = omp_get_wtime();
-  for_each_tile_forward(workspace, camera,
-                        [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
-                          GradientTile gradients;
-                          gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          sweep_backward(tile, traces, gradients, pair_sums);
-                          clear_pairs(tile, traces.n, pair_sums);
-                        });
+  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses);
   times.backward_s = lap() - times.forward_s;
   step_visible(workspace, camera, adam);
   times.step_s = lap();
