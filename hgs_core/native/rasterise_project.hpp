@@ -48,7 +48,8 @@ HGS_INLINE LaneSpans tile_spans(VFloat u, VFloat v, VFloat reach, int tiles_x, i
 // Order-preserving.
 HGS_INLINE VInt depth_keys(VFloat z) {
   constexpr std::int32_t MOST = (1 << DEPTH_KEY_BITS) - 1;
-  const VInt key = ((VInt)z - (VInt)splat_all(NEAR_M)) >> DEPTH_KEY_DROPPED;
+  const VFloat nearest = splat_all(NEAR_M);
+  const VInt key = ((VInt)vmax(z, nearest) - (VInt)nearest) >> DEPTH_KEY_DROPPED;
   return key < MOST ? key : VInt{} + MOST;
 }
 
