@@ -33,21 +33,21 @@ HGS_INLINE void widen_bounds(const AdamState& adam, StepBlock& moved) {
   float* bounds = adam.block_bounds + 6 * std::size_t{moved.rows[0] / BLOCK};
   for (int i = moved.n_moved; i % LANES != 0; ++i) moved.log_radii[i] = 0.0f;
   for (int i = 0; i < moved.n_moved; i += LANES) store(moved.log_radii + i, vexp(load(moved.log_radii + i)));
+  VFloat8 lower = {bounds[0], bounds[1], bounds[2]}, upper = {bounds[3], bounds[4], bounds[5]};  // lanes 3 .. unused
   for (int i = 0; i < moved.n_moved; ++i) {
-    const float* centre = adam.parameters + N_PARAMETERS * std::size_t{moved.rows[i]};
+    const VFloat8 centre = load8(adam.parameters + N_PARAMETERS * std::size_t{moved.rows[i]});
     const float radius = moved.log_radii[i] * 1.00001f;
-    for (int j = 0; j < 3; ++j) {
-      const float lower = centre[j] - radius, upper = centre[j] + radius;
-      bounds[j] = lower < bounds[j] ? lower : bounds[j];
-      bounds[3 + j] = upper > bounds[3 + j] ? upper : bounds[3 + j];
-    }
+    lower = vmin8(centre - radius, lower);
+    upper = vmax8(centre + radius, upper);
+  }
+  for (int j = 0; j < 3; ++j) {
+    bounds[j] = lower[j];
+    bounds[3 + j] = upper[j];
   }
 }
 
-HGS_INLINE void adam_row(const AdamState& adam, const float* table, std::uint32_t row, const float* gradient) {
-  float* p = adam.parameters + N_PARAMETERS * std::size_t{row};
-  float* m = adam.first_moment + N_PARAMETERS * std::size_t{row};
-  float* v = adam.second_moment + N_PARAMETERS * std::size_t{row};
+HGS_INLINE void adam_row(const AdamState& adam, const float* table, std::uint32_t row, VFloat8 gradient) {
+  const std::size_t first = N_PARAMETERS * std::size_t{row};
   const std::int32_t step = ++adam.steps[row];
   float correct1, correct2;
   if (step < TABLED_STEPS) {
@@ -57,17 +57,19 @@ HGS_INLINE void adam_row(const AdamState& adam, const float* table, std::uint32_
     correct1 = static_cast<float>(1.0 / (1.0 - __builtin_pow(adam.beta1, step)));
     correct2 = static_cast<float>(1.0 / (1.0 - __builtin_pow(adam.beta2, step)));
   }
-  for (int k = 0; k < N_PARAMETERS; ++k) {
-    m[k] = adam.beta1 * m[k] + (1.0f - adam.beta1) * gradient[k];
-    v[k] = adam.beta2 * v[k] + (1.0f - adam.beta2) * gradient[k] * gradient[k];
-    p[k] -= adam.rates[k] * (m[k] * correct1) / (__builtin_sqrtf(v[k] * correct2) + adam.epsilon);
-  }
+  const VFloat8 m = adam.beta1 * load8(adam.first_moment + first) + (1.0f - adam.beta1) * gradient;
+  const VFloat8 v = adam.beta2 * load8(adam.second_moment + first) + (1.0f - adam.beta2) * gradient * gradient;
+  store8(adam.first_moment + first, m);
+  store8(adam.second_moment + first, v);
+  float* p = adam.parameters + first;
+  store8(p, load8(p) - load8(adam.rates) * (m * correct1) / (vsqrt8(v * correct2) + adam.epsilon));
   const float log_radius = p[6] < adam.min_log_radius ? adam.min_log_radius : p[6];
   p[6] = log_radius > adam.max_log_radius ? adam.max_log_radius : log_radius;
 }
 
 static void step_visible(Workspace& workspace, const PinholeCamera& camera, const AdamState& adam) {
   const float* table = bias_corrections(adam, workspace);
+  const CameraAxes axes = camera_axes(camera);
   for_each_splat(
       workspace,
       [](std::size_t) {
@@ -75,12 +77,9 @@ static void step_visible(Workspace& workspace, const PinholeCamera& camera, cons
         moved.n_moved = 0;
         return moved;
       },
-      [&](const Splat& splat, const float* sums, StepBlock& moved) {
-        float gradient[8];
-        chain_gradient(splat, camera, sums, gradient);
-        bool touched = false;
-        for (int k = 0; k < 8; ++k) touched = touched || gradient[k] != 0.0f;
-        if (!touched) return;
+      [&](const Splat& splat, VFloat8 sums, StepBlock& moved) HGS_LAMBDA {
+        const VFloat8 gradient = chain_gradient(splat, camera, axes, sums);
+        if (all_zero8(gradient)) return;
         adam_row(adam, table, splat.row, gradient);
         moved.rows[moved.n_moved] = splat.row;
         moved.log_radii[moved.n_moved++] = adam.parameters[N_PARAMETERS * std::size_t{splat.row} + 6];

@@ -81,13 +81,13 @@ struct StageTimes {
   double forward_s = 0.0;   // the forward sweep of every tile
   double backward_s = 0.0;  // the loss and the backward sweep of every tile
   double step_s = 0.0;      // from sums over pixels to parameters, and Adam
-  double evaluations = 0.0;  // (splat, pixel) pairs in the rows and columns that a sweep goes over
+  double evaluations = 0.0;  // (splat, pixel) pairs in the patches that a sweep goes over
 };
 
 // Floating-point operations of one evaluation in the inner loops, a multiply-add counted as two.
 inline constexpr double FORWARD_OPERATIONS = 11.0;   // a, w, T: 3; C and D: 4 multiply-adds
-inline constexpr double BACKWARD_OPERATIONS = 33.0;  // a, w, T, S, qw: 5; q: 4 multiply-adds and 1; 1 / (1 - alpha): 4;
-                                                     // P: 3; its sums: 5; those of colour and depth: 4 multiply-adds
+inline constexpr double BACKWARD_OPERATIONS = 33.0;  // a, w, T, S, qw: 5; q: 4 multiply-adds; 1 / (1 - alpha): 4; P: 3;
+                                                     // its sums: 5 would do; those of colour and depth: 4 multiply-adds
 
 struct RasteriseKernels {
   void (*forward)(const GaussianRows&, const PinholeCamera&, const ImageSums&);

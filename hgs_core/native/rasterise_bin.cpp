@@ -13,14 +13,8 @@
 namespace hgs {
 namespace {
 
-constexpr int RADIX_BITS = 11;
+constexpr int RADIX_BITS = DEPTH_KEY_BITS / 2;
 constexpr int RADIX = 1 << RADIX_BITS;
-
-// Order-preserving, 22 bits: steps of 4e-6 of the depth from the near plane to 6.5 km.
-inline std::uint32_t depth_key(float z) {
-  const std::uint32_t bits = std::bit_cast<std::uint32_t>(z) - std::bit_cast<std::uint32_t>(NEAR_M);
-  return std::min(bits >> 5, (1u << (2 * RADIX_BITS)) - 1);
-}
 
 constexpr int PREFETCH_AHEAD = 12;
 
@@ -77,18 +71,18 @@ void list_keys(Workspace& workspace) {
   const std::uint32_t* block_splats = workspace.block_splats.get();
   std::uint32_t* splats_before = workspace.splats_before.require(n_blocks + 1);
   std::uint32_t* pairs_before = workspace.pairs_before.require(n_blocks + 1);
-  Splat* splats = workspace.splats.get();
+  const Splat* splats = workspace.splats.get();
   TileSpan* spans = workspace.spans.get();
 #pragma omp parallel for schedule(static)
   for (std::size_t i = 0; i < n_blocks; ++i) {
     std::uint32_t pairs = 0;
     for (std::uint32_t rank = 0; rank < block_splats[i]; ++rank) {
       const std::size_t slot = i * BLOCK + rank;
-      const Splat& splat = splats[slot];
       spans[slot].first_pair = pairs;
       if (spans[slot].mask != 0) {
         pairs += spans[slot].count;
       } else {
+        const Splat& splat = splats[slot];
         walk_disc(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int) { ++pairs; });
       }
     }
@@ -108,8 +102,7 @@ void list_keys(Workspace& workspace) {
     for (std::uint32_t rank = 0; rank < block_splats[i]; ++rank) {
       const std::uint32_t slot = static_cast<std::uint32_t>(i * BLOCK + rank);
       spans[slot].first_pair += pairs_before[i];
-      splats[slot].first_pair = spans[slot].first_pair;
-      keys[splats_before[i] + rank] = (std::uint64_t{depth_key(splats[slot].z)} << 32) | slot;
+      keys[splats_before[i] + rank] = (std::uint64_t{spans[slot].depth_key} << 32) | slot;
     }
   }
 }
@@ -175,6 +168,7 @@ void list_by_tile(Workspace& workspace) {
 #pragma omp single
     {
       std::uint32_t sum = 0;
+      workspace.most_entries = 0;
       for (std::size_t tile = 0; tile < n_tiles; ++tile) {
         tile_begin[tile] = sum;
         for (int t = 0; t < threads; ++t) {
@@ -183,6 +177,7 @@ void list_by_tile(Workspace& workspace) {
           entry = sum;
           sum += count;
         }
+        workspace.most_entries = std::max(workspace.most_entries, sum - tile_begin[tile]);
       }
       tile_begin[n_tiles] = sum;
     }
@@ -190,8 +185,11 @@ void list_by_tile(Workspace& workspace) {
       __builtin_prefetch(&spans[static_cast<std::uint32_t>(keys[std::min(i + PREFETCH_AHEAD, n - 1)])]);
       const std::uint32_t slot = static_cast<std::uint32_t>(keys[i]);
       std::uint32_t pair = spans[slot].first_pair;
-      for_each_tile(spans[slot], splats[slot], tiles_x, tiles_y,
-                    [&](int tile) { entries[next[tile]++] = {slot, pair++}; });
+      for_each_tile(spans[slot], splats[slot], tiles_x, tiles_y, [&](int tile) {
+        TileEntry* entry = entries + next[tile]++;
+        __builtin_prefetch(entry + 64 / sizeof(TileEntry), 1);  // the tile's next line of cache
+        *entry = {slot, pair++};
+      });
     }
   }
 }

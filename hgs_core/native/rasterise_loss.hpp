@@ -31,53 +31,66 @@ struct ValidDepths {
 };
 
 static ValidDepths valid_depths(const Target& target, const PinholeCamera& camera) {
-  const std::size_t n = std::size_t{1} * camera.width * camera.height;
-  ValidDepths valid;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!is_valid_depth(target.depth[i])) continue;
-    ++valid.pixels;
-    if (target.depth[i] > valid.farthest) valid.farthest = target.depth[i];
+  const std::int64_t n = std::int64_t{1} * camera.width * camera.height;
+  const std::int64_t whole = n / LANES * LANES;
+  std::int64_t pixels = 0;
+  float farthest = 0.0f;
+#pragma omp parallel reduction(+ : pixels) reduction(max : farthest)
+  {
+    VInt counts{};
+    VFloat most{};
+#pragma omp for schedule(static)
+    for (std::int64_t i = 0; i < whole; i += LANES) {
+      const VFloat depth = load(target.depth + i);
+      const VInt valid = (depth > 0.0f) & (depth < __builtin_inff());
+      counts -= valid;  // a true comparison is -1
+      most = vmax(most, valid ? depth : VFloat{});
+    }
+    for (int lane = 0; lane < LANES; ++lane) {
+      pixels += counts[lane];
+      farthest = most[lane] > farthest ? most[lane] : farthest;
+    }
   }
-  return valid;
+  for (std::int64_t i = whole; i < n; ++i) {
+    if (!is_valid_depth(target.depth[i])) continue;
+    ++pixels;
+    farthest = target.depth[i] > farthest ? target.depth[i] : farthest;
+  }
+  return {pixels, farthest};
 }
 
 // Starts a backward sweep: T and S = g . (C, D, A).
-HGS_INLINE void start_row(const float (*sums)[TILE_W], float (*planes)[TILE_W], int width) {
-  for (int j = 0; j < VECTORS; ++j) {
-    const int x = j * LANES;
-    const VFloat T = load(sums[T_PLANE] + x);
-    VFloat S = load(planes[DR_PLANE] + x) * load(sums[R_PLANE] + x);
-    S += load(planes[DG_PLANE] + x) * load(sums[G_PLANE] + x);
-    S += load(planes[DB_PLANE] + x) * load(sums[B_PLANE] + x);
-    S += load(planes[DD_PLANE] + x) * load(sums[D_PLANE] + x);
-    S += load(planes[DA_PLANE] + x) * (1.0f - T);
-    store(planes[S_PLANE] + x, S);
+HGS_INLINE void start_backward(const ForwardTile& state, const Window& window, GradientTile& gradients) {
+  for (int patch = 0; patch < PATCHES; ++patch) {
+    const float(*sums)[PATCH] = state.patches[patch];
+    float(*planes)[PATCH] = gradients.patches[patch];
+    for (int i = 0; i < PATCH; i += LANES) {
+      const VFloat T = load(sums[T_PLANE] + i);
+      VFloat S = load(planes[DR_PLANE] + i) * load(sums[R_PLANE] + i);
+      S += load(planes[DG_PLANE] + i) * load(sums[G_PLANE] + i);
+      S += load(planes[DB_PLANE] + i) * load(sums[B_PLANE] + i);
+      S += load(planes[DD_PLANE] + i) * load(sums[D_PLANE] + i);
+      S += load(planes[DA_PLANE] + i) * (1.0f - T);
+      store(planes[S_PLANE] + i, S);
+    }
   }
-  for (int x = 0; x < TILE_W; ++x) planes[GT_PLANE][x] = x < width ? 1.0f : 0.0f;
-}
-
-static void clear_row(float (*planes)[TILE_W], int n_planes) {
-  for (int plane = 0; plane < n_planes; ++plane) {
-    for (int x = 0; x < TILE_W; ++x) planes[plane][x] = 0.0f;
-  }
+  fill_transmittance(gradients, window.width, window.height);
 }
 
 static void gradients_of_image(const ForwardTile& state, const Window& window, const PinholeCamera& camera,
                                const ImageGradients& image, GradientTile& gradients) {
-  for (int row = 0; row < TILE_H; ++row) {
-    float(*planes)[TILE_W] = gradients.rows[row];
-    clear_row(planes, GRADIENT_PLANES);
-    if (row >= window.height) continue;
-    const std::size_t first = window.first_pixel + std::size_t{1} * row * camera.width;
+  __builtin_memset(&gradients, 0, sizeof(gradients));
+  for (int y = 0; y < window.height; ++y) {
     for (int x = 0; x < window.width; ++x) {
-      planes[DR_PLANE][x] = image.colour[3 * (first + x)];
-      planes[DG_PLANE][x] = image.colour[3 * (first + x) + 1];
-      planes[DB_PLANE][x] = image.colour[3 * (first + x) + 2];
-      planes[DD_PLANE][x] = image.depth[first + x];
-      planes[DA_PLANE][x] = image.silhouette[first + x];
+      const PixelPlace at = place_of(x, y);
+      const std::size_t pixel = window.first_pixel + std::size_t{1} * y * camera.width + x;
+      float(*planes)[PATCH] = gradients.patches[at.patch];
+      for (int k = 0; k < 3; ++k) planes[DR_PLANE + k][at.lane] = image.colour[3 * pixel + k];
+      planes[DD_PLANE][at.lane] = image.depth[pixel];
+      planes[DA_PLANE][at.lane] = image.silhouette[pixel];
     }
-    start_row(state.rows[row], planes, window.width);
   }
+  start_backward(state, window, gradients);
 }
 
 struct LossScale {
@@ -89,83 +102,94 @@ HGS_INLINE LossScale loss_scale(const Target& target, std::int64_t pixels) {
   return {target.colour_weight * share / 3.0f, target.depth_weight * share, target.silhouette_weight * share};
 }
 
-HGS_INLINE VFloat vabs(VFloat a) { return (VFloat)((VInt)a & 0x7fffffff); }
-
 // scale * sign(a), 0 at 0.
 HGS_INLINE VFloat signed_as(VFloat scale, VFloat a) {
   const VFloat signed_scale = (VFloat)((VInt)scale | ((VInt)a & static_cast<std::int32_t>(0x80000000)));
   return (a != 0.0f) ? signed_scale : VFloat{};
 }
 
+// What a tile should look like: colours from 0 to 255, and depth, 0 where it is not known.
+enum { TRUE_R, TRUE_G, TRUE_B, TRUE_DEPTH, TARGET_PLANES };
+using TargetTile = TilePlanes<TARGET_PLANES>;
+
+// The same values of one row of pixels, as many as the tile is wide.
+struct TargetRow {
+  alignas(64) float values[TARGET_PLANES][TILE_W];
+};
+
+HGS_INLINE void load_row(const std::uint8_t* rgb, const float* depth, int width, TargetRow& row) {
+  for (int x = 0; x < width; ++x) {
+    for (int k = 0; k < 3; ++k) row.values[TRUE_R + k][x] = rgb[3 * x + k];
+    row.values[TRUE_DEPTH][x] = is_valid_depth(depth[x]) ? depth[x] : 0.0f;
+  }
+}
+
+HGS_INLINE void load_target(const Target& target, const Window& window, const PinholeCamera& camera,
+                            TargetTile& tile) {
+  if (window.width < TILE_W || window.height < TILE_H) __builtin_memset(&tile, 0, sizeof(tile));
+  TargetRow row{};
+  for (int y = 0; y < window.height; ++y) {
+    const std::size_t first = window.first_pixel + std::size_t{1} * y * camera.width;
+    const std::uint8_t* rgb = target.rgb + 3 * first;
+    __builtin_prefetch(rgb + 6 * TILE_W - 1);  // the end of the next tile's row
+    __builtin_prefetch(target.depth + first + 2 * TILE_W - 1);
+    if (window.width == TILE_W) {
+      load_row(rgb, target.depth + first, TILE_W, row);  // a loop of known length becomes vectors
+    } else {
+      load_row(rgb, target.depth + first, window.width, row);
+    }
+    for (int x = 0; x < TILE_W; x += EDGE) {
+      const PixelPlace at = place_of(x, y);
+      for (int k = 0; k < TARGET_PLANES; ++k) {
+        __builtin_memcpy(tile.patches[at.patch][k] + at.lane, row.values[k] + x, EDGE * sizeof(float));
+      }
+    }
+  }
+}
+
 // `losses`: |C/A - rgb| (mean of the channels), |D/A - depth| and (1 - A)^2 summed over the tile, and pixels compared.
 static void gradients_of_loss(const ForwardTile& state, const Window& window, const PinholeCamera& camera,
                               const Target& target, const LossScale& scale, GradientTile& gradients, double* losses) {
+  TargetTile wanted;
+  load_target(target, window, camera, wanted);
   VFloat colour_loss{}, depth_loss{}, uncovered{}, covered{};
-  for (int row = 0; row < TILE_H; ++row) {
-    float(*planes)[TILE_W] = gradients.rows[row];
-    if (row >= window.height) {
-      clear_row(planes, GRADIENT_PLANES);
-      continue;
-    }
-    const float(*sums)[TILE_W] = state.rows[row];
-    const std::size_t first = window.first_pixel + std::size_t{1} * row * camera.width;
-    const std::uint8_t* rgb = target.rgb + 3 * first;
-    alignas(64) float truth[4][TILE_W] = {};  // r, g, b, depth
-    for (int x = 0; x < window.width; ++x) {
-      truth[0][x] = rgb[3 * x];
-      truth[1][x] = rgb[3 * x + 1];
-      truth[2][x] = rgb[3 * x + 2];
-      truth[3][x] = is_valid_depth(target.depth[first + x]) ? target.depth[first + x] : 0.0f;
-    }
-    for (int j = 0; j < VECTORS; ++j) {
-      const int x = j * LANES;
-      const VFloat depth = load(truth[3] + x);
+  for (int patch = 0; patch < PATCHES; ++patch) {
+    const float(*truth)[PATCH] = wanted.patches[patch];
+    const float(*sums)[PATCH] = state.patches[patch];
+    float(*planes)[PATCH] = gradients.patches[patch];
+    for (int i = 0; i < PATCH; i += LANES) {
+      const VFloat depth = load(truth[TRUE_DEPTH] + i);
       const VInt valid = depth > 0.0f;
-      const VFloat T = load(sums[T_PLANE] + x), A = 1.0f - T;
+      const VFloat T = load(sums[T_PLANE] + i), A = 1.0f - T;
       const VInt compared = valid & (A > MIN_COVERED);
       const VFloat inverse = compared ? 1.0f / A : VFloat{};
       VFloat slope_by_A{};
       for (int channel = 0; channel < 3; ++channel) {
-        const VFloat mean = load(sums[R_PLANE + channel] + x) * inverse;
-        const VFloat error = compared ? mean - load(truth[channel] + x) * (1.0f / 255.0f) : VFloat{};
+        const VFloat mean = load(sums[R_PLANE + channel] + i) * inverse;
+        const VFloat error = compared ? mean - load(truth[TRUE_R + channel] + i) * (1.0f / 255.0f) : VFloat{};
         const VFloat slope = signed_as(scale.colour * inverse, error);
-        store(planes[DR_PLANE + channel] + x, slope);
+        store(planes[DR_PLANE + channel] + i, slope);
         slope_by_A -= slope * mean;
         colour_loss += vabs(error);
       }
-      const VFloat mean = load(sums[D_PLANE] + x) * inverse;
+      const VFloat mean = load(sums[D_PLANE] + i) * inverse;
       const VFloat error = compared ? mean - depth : VFloat{};
       const VFloat slope = signed_as(scale.depth * inverse, error);
-      store(planes[DD_PLANE] + x, slope);
+      store(planes[DD_PLANE] + i, slope);
       slope_by_A -= slope * mean;
       depth_loss += vabs(error);
-      store(planes[DA_PLANE] + x, valid ? slope_by_A - 2.0f * scale.silhouette * T : VFloat{});
+      store(planes[DA_PLANE] + i, valid ? slope_by_A - 2.0f * scale.silhouette * T : VFloat{});
       uncovered += valid ? T * T : VFloat{};
       covered += compared ? splat_all(1.0f) : VFloat{};
     }
-    start_row(sums, planes, window.width);
   }
+  start_backward(state, window, gradients);
   for (int k = 0; k < 4; ++k) losses[k] = 0.0;
   for (int lane = 0; lane < LANES; ++lane) {
     losses[0] += colour_loss[lane] / 3.0;
     losses[1] += depth_loss[lane];
     losses[2] += uncovered[lane];
     losses[3] += covered[lane];
-  }
-}
-
-// Starts a Fisher sweep: everything is still to come.
-static void start_fisher(const ForwardTile& state, const Window& window, FisherTile& fisher) {
-  for (int row = 0; row < TILE_H; ++row) {
-    float(*planes)[TILE_W] = fisher.rows[row];
-    clear_row(planes, FISHER_PLANES);
-    if (row >= window.height) continue;
-    for (int x = 0; x < window.width; ++x) {
-      planes[FT_PLANE][x] = 1.0f;
-      planes[SR_PLANE][x] = state.rows[row][R_PLANE][x];
-      planes[SG_PLANE][x] = state.rows[row][G_PLANE][x];
-      planes[SB_PLANE][x] = state.rows[row][B_PLANE][x];
-    }
   }
 }
 

@@ -45,6 +45,14 @@ HGS_INLINE LaneSpans tile_spans(VFloat u, VFloat v, VFloat reach, int tiles_x, i
   return spans;
 }
 
+// Order-preserving.
+HGS_INLINE VInt depth_keys(VFloat z) {
+  constexpr std::int32_t MOST = (1 << DEPTH_KEY_BITS) - 1;
+  const VFloat nearest = splat_all(NEAR_M);
+  const VInt key = ((VInt)vmax(z, nearest) - (VInt)nearest) >> DEPTH_KEY_DROPPED;
+  return key < MOST ? key : VInt{} + MOST;
+}
+
 // Projects up to BLOCK rows; returns how many splats may touch a pixel.
 static std::uint32_t project_block(const float* parameters, std::uint32_t first_row, int n_rows,
                                    const PinholeCamera& camera, int tiles_x, int tiles_y, Splat* splats,
@@ -86,12 +94,17 @@ static std::uint32_t project_block(const float* parameters, std::uint32_t first_
     store(zs, z);
     store(reaches, reach);
     store(own, own_variance);
+    const VInt keys = depth_keys(z);
     const LaneSpans tiles = tile_spans(u, v, reach, tiles_x, tiles_y);
     for (int lane = 0; lane < LANES; ++lane) {
       if (kept[lane] == 0 || base + lane >= n_rows) continue;
       const int i = base + lane;
-      spans[n_splats] = {0, static_cast<std::uint16_t>(tiles.x[lane]), static_cast<std::uint16_t>(tiles.y[lane]),
-                         static_cast<std::uint16_t>(tiles.mask[lane]), static_cast<std::uint16_t>(tiles.count[lane])};
+      spans[n_splats] = {0,
+                         static_cast<std::uint32_t>(keys[lane]),
+                         static_cast<std::uint16_t>(tiles.x[lane]),
+                         static_cast<std::uint16_t>(tiles.y[lane]),
+                         static_cast<std::uint16_t>(tiles.mask[lane]),
+                         static_cast<std::uint16_t>(tiles.count[lane])};
       Splat& splat = splats[n_splats++];
       splat.u = us[lane];
       splat.v = vs[lane];
@@ -104,7 +117,6 @@ static std::uint32_t project_block(const float* parameters, std::uint32_t first_
       splat.reach = reaches[lane];
       splat.own_variance = own[lane];
       splat.row = first_row + static_cast<std::uint32_t>(i);
-      splat.first_pair = 0;
     }
   }
   return n_splats;

@@ -22,22 +22,23 @@ HGS_INLINE void clear_pairs(const Tile& tile, std::uint32_t first, float* pair_s
   }
 }
 
-// Sweeps every tile forward, then calls visit(index, tile, window, forward state).
+// Sweeps every tile forward, then calls visit(index, tile, window, state, traces).
 template <class Visit>
-HGS_INLINE void for_each_tile_forward(const Workspace& workspace, const PinholeCamera& camera, Visit&& visit) {
+HGS_INLINE void for_each_tile_forward(Workspace& workspace, const PinholeCamera& camera, Visit&& visit) {
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
+  Trace* traces = workspace.traces.require(std::size_t{workspace.most_entries} * omp_get_max_threads());
 #pragma omp parallel
   {
     const FlushDenormals flush;
+    Trace* mine = traces + std::size_t{workspace.most_entries} * omp_get_thread_num();
     ForwardTile state;
 #pragma omp for schedule(dynamic, 4)
     for (int index = 0; index < n_tiles; ++index) {
-      Tile tile = tile_at(workspace, index);
-      const int tx = index % workspace.tiles_x, ty = index / workspace.tiles_x;
-      const Window window = window_of(camera, tx, ty);
-      clear(state, window.width, window.height);
-      sweep_forward(tile, workspace.splats.get(), state);
-      visit(index, tile, window, state);
+      const Tile tile = tile_at(workspace, index);
+      const Window window = window_of(camera, index % workspace.tiles_x, index / workspace.tiles_x);
+      __builtin_memset(&state, 0, sizeof(state));
+      fill_transmittance(state, window.width, window.height);
+      visit(index, tile, window, state, sweep_forward(tile, workspace.splats.get(), state, mine));
     }
   }
 }
@@ -47,16 +48,17 @@ static void forward(const GaussianRows& gaussians, const PinholeCamera& camera, 
   Workspace& workspace = *lease;
   prepare(gaussians, camera, workspace);
   for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile&, const Window& window, const ForwardTile& state) {
-                          for (int row = 0; row < window.height; ++row) {
-                            const std::size_t first = window.first_pixel + std::size_t{1} * row * camera.width;
-                            const float(*planes)[TILE_W] = state.rows[row];
+                        [&](int, const Tile&, const Window& window, const ForwardTile& state, Traces) {
+                          for (int y = 0; y < window.height; ++y) {
+                            const std::size_t first = window.first_pixel + std::size_t{1} * y * camera.width;
                             for (int x = 0; x < window.width; ++x) {
-                              image.colour[3 * (first + x)] = planes[R_PLANE][x];
-                              image.colour[3 * (first + x) + 1] = planes[G_PLANE][x];
-                              image.colour[3 * (first + x) + 2] = planes[B_PLANE][x];
-                              image.depth[first + x] = planes[D_PLANE][x];
-                              image.silhouette[first + x] = 1.0f - planes[T_PLANE][x];
+                              const PixelPlace at = place_of(x, y);
+                              const float(*planes)[PATCH] = state.patches[at.patch];
+                              for (int k = 0; k < 3; ++k) {
+                                image.colour[3 * (first + x) + k] = planes[R_PLANE + k][at.lane];
+                              }
+                              image.depth[first + x] = planes[D_PLANE][at.lane];
+                              image.silhouette[first + x] = 1.0f - planes[T_PLANE][at.lane];
                             }
                           }
                         });
@@ -69,13 +71,26 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
   prepare(gaussians, camera, workspace);
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
   for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state) {
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           GradientTile gradients;
                           gradients_of_image(state, window, camera, image, gradients);
-                          const std::uint32_t done = sweep_backward(tile, workspace.splats.get(), gradients, pair_sums);
-                          clear_pairs(tile, done, pair_sums);
+                          sweep_backward(tile, traces, gradients, pair_sums);
+                          clear_pairs(tile, traces.n, pair_sums);
                         });
   add_gradients(workspace, camera, gradient);
+}
+
+// Both sweeps of every tile, with the loss between them.
+static void sweep_loss(Workspace& workspace, const PinholeCamera& camera, const Target& target, const LossScale& scale,
+                       float* pair_sums, double* tile_losses) {
+  for_each_tile_forward(
+      workspace, camera,
+      [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+        GradientTile gradients;
+        gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
+        sweep_backward(tile, traces, gradients, pair_sums);
+        clear_pairs(tile, traces.n, pair_sums);
+      });
 }
 
 static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& whole, const Target& target,
@@ -94,13 +109,7 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
   const LossScale scale = loss_scale(target, loss.pixels);
-  for_each_tile_forward(workspace, camera,
-                        [&](int index, const Tile& tile, const Window& window, const ForwardTile& state) {
-                          GradientTile gradients;
-                          gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          const std::uint32_t done = sweep_backward(tile, workspace.splats.get(), gradients, pair_sums);
-                          clear_pairs(tile, done, pair_sums);
-                        });
+  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses);
   step_visible(workspace, camera, adam);
   double uncovered = 0.0, covered = 0.0;
   for (int index = 0; index < n_tiles; ++index) {
@@ -120,25 +129,6 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   return loss;
 }
 
-// Evaluations of a forward sweep over one tile.
-static double count_evaluations(const Tile& tile, const Splat* splats, ForwardTile& state) {
-  constexpr int STRIDE = FORWARD_PLANES * TILE_W;
-  double vectors = 0.0;
-  sweep(tile, splats, state.rows[0][T_PLANE], STRIDE,
-        [&](TileEntry, const Splat&, const Footprint& footprint, RowRange rows) HGS_LAMBDA {
-    const int n_rows = rows.last < rows.first ? 0 : rows.last - rows.first + 1;
-    const int n_columns = footprint.last_vector - footprint.first_vector + 1;
-    vectors += n_rows * n_columns;
-    for (int j = footprint.first_vector; j <= footprint.last_vector; ++j) {
-      for (int row = rows.first; row <= rows.last; ++row) {
-        float* T = state.rows[row][T_PLANE] + j * LANES;
-        store(T, load(T) - masked_alpha(footprint.down[row] * footprint.along[j], load(T)) * load(T));
-      }
-    }
-  });
-  return vectors * LANES;
-}
-
 static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& camera, const Target& target,
                          const AdamState& adam) {
   const WorkspaceLease lease;
@@ -152,29 +142,26 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   };
   prepare(gaussians, camera, workspace);
   times.prepare_s = lap();
-  for_each_tile_forward(workspace, camera, [](int, const Tile&, const Window&, const ForwardTile&) {});
+  for_each_tile_forward(workspace, camera, [](int, const Tile&, const Window&, const ForwardTile&, Traces) {});
   times.forward_s = lap();
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
   const LossScale scale = loss_scale(target, valid_depths(target, camera).pixels + 1);
   began = omp_get_wtime();
-  for_each_tile_forward(workspace, camera,
-                        [&](int index, const Tile& tile, const Window& window, const ForwardTile& state) {
-                          GradientTile gradients;
-                          gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
-                          const std::uint32_t done = sweep_backward(tile, workspace.splats.get(), gradients, pair_sums);
-                          clear_pairs(tile, done, pair_sums);
-                        });
+  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses);
   times.backward_s = lap() - times.forward_s;
   step_visible(workspace, camera, adam);
   times.step_s = lap();
-  ForwardTile state;
-  for (int index = 0; index < n_tiles; ++index) {
-    const Window window = window_of(camera, index % workspace.tiles_x, index / workspace.tiles_x);
-    clear(state, window.width, window.height);
-    times.evaluations += count_evaluations(tile_at(workspace, index), workspace.splats.get(), state);
-  }
+  for_each_tile_forward(workspace, camera,
+                        [&](int index, const Tile&, const Window&, const ForwardTile&, Traces traces) {
+                          std::uint64_t patches = 0;
+                          for (std::uint32_t i = 0; i < traces.n; ++i) {
+                            patches += __builtin_popcount(traces.first[i].patches);
+                          }
+                          tile_losses[index] = static_cast<double>(patches * PATCH);
+                        });
+  for (int index = 0; index < n_tiles; ++index) times.evaluations += tile_losses[index];
   return times;
 }
 
@@ -184,10 +171,11 @@ static void information(const GaussianRows& gaussians, const PinholeCamera& came
   prepare(gaussians, camera, workspace);
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
   for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state) {
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           FisherTile fisher;
                           start_fisher(state, window, fisher);
-                          clear_pairs(tile, sweep_fisher(tile, workspace.splats.get(), fisher, pair_sums), pair_sums);
+                          sweep_fisher(tile, traces, fisher, pair_sums);
+                          clear_pairs(tile, traces.n, pair_sums);
                         });
   add_information(workspace, camera, information);
 }
@@ -200,13 +188,16 @@ static void quality_image(const GaussianRows& gaussians, const PinholeCamera& ca
   quality_coefficients(workspace, camera, information, prior);
   const float* coefficients = workspace.slot_coefficients.get();
   for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state) {
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
                           FisherTile fisher;
                           start_fisher(state, window, fisher);
-                          sweep_quality(tile, workspace.splats.get(), fisher, coefficients);
-                          for (int row = 0; row < window.height; ++row) {
-                            float* out = image + window.first_pixel + std::size_t{1} * row * camera.width;
-                            for (int x = 0; x < window.width; ++x) out[x] = fisher.rows[row][GAIN_PLANE][x];
+                          sweep_quality(tile, traces, fisher, coefficients);
+                          for (int y = 0; y < window.height; ++y) {
+                            float* out = image + window.first_pixel + std::size_t{1} * y * camera.width;
+                            for (int x = 0; x < window.width; ++x) {
+                              const PixelPlace at = place_of(x, y);
+                              out[x] = fisher.patches[at.patch][GAIN_PLANE][at.lane];
+                            }
                           }
                         });
 }

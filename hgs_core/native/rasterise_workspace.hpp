@@ -12,33 +12,50 @@ namespace hgs {
 inline constexpr int TILE_W = 16;
 inline constexpr int TILE_H = 16;
 
-// A Gaussian on the screen.
-struct Splat {
-  float u, v;              // [px]
-  float falloff;           // log2(e) / (2 sigma^2): a = opacity * 2^(-falloff d^2)
+// What a pixel has to know of a Gaussian.
+struct alignas(32) Spot {
+  float u, v;     // [px]
+  float falloff;  // log2(e) / (2 sigma^2): a = opacity * 2^(-falloff d^2)
   float opacity;
   float r, g, b;
-  float z;                 // [m]
+  float z;        // [m]
+};
+
+// A Gaussian on the screen: one line of cache.
+struct alignas(64) Splat : Spot {
   float reach;             // where a falls below 1/255 [px], rounded up
   float own_variance;      // (f r / z)^2 [px^2]
   std::uint32_t row;       // in the map
-  std::uint32_t first_pair;  // its tiles are pairs first_pair .. first_pair + (number of its tiles)
 };
 
 // The tiles that a splat touches: bit 4 * i + j of `mask` is tile (y + i, x + j). A splat that spans more than
 // 4 x 4 tiles has mask 0 and is walked tile by tile.
 struct TileSpan {
-  std::uint32_t first_pair;
+  std::uint32_t first_pair;  // its tiles are pairs first_pair .. first_pair + (number of its tiles)
+  std::uint32_t depth_key;   // orders the splats by depth
   std::uint16_t x, y;
   std::uint16_t mask;
   std::uint16_t count;  // of the bits in mask
 };
 inline constexpr int SPAN = 4;
 
+// Of a depth: steps of 4e-6 of the depth from the near plane to 6.5 km.
+inline constexpr int DEPTH_KEY_BITS = 22;
+inline constexpr int DEPTH_KEY_DROPPED = 5;  // low bits of the float
+
 // A splat in a tile; `pair` numbers all pairs of a splat one after another.
 struct TileEntry {
   std::uint32_t slot;
   std::uint32_t pair;
+};
+
+// What one splat does to one tile, separated into columns and rows: a = along[x] down[y].
+struct alignas(64) Trace {
+  float along[TILE_W];    // 2^(-falloff dx^2)
+  float down[TILE_H];     // opacity 2^(-falloff dy^2)
+  Spot spot;
+  TileEntry entry;
+  std::uint32_t patches;  // bit i: the splat reaches patch i of the tile, which still let light through
 };
 
 struct Workspace {
@@ -47,6 +64,7 @@ struct Workspace {
   std::size_t n_splats = 0;
   std::size_t n_pairs = 0;
   int tiles_x = 0, tiles_y = 0;
+  std::uint32_t most_entries = 0;  // of any tile
   Scratch<std::uint32_t> visible_blocks;
   Scratch<std::uint32_t> block_splats;  // splats of each visible block
   Scratch<std::uint32_t> splats_before;  // prefix sums over the visible blocks
@@ -57,6 +75,7 @@ struct Workspace {
   Scratch<std::uint32_t> histograms;
   Scratch<std::uint32_t> tile_begin;  // (n_tiles + 1)
   Scratch<TileEntry> entries;         // grouped by tile, front to back in each
+  Scratch<Trace> traces;              // (threads, most_entries): of the tile that a thread is at
   Scratch<float> pair_sums;           // (n_pairs, 8): what a second sweep adds up per pair
   Scratch<float> slot_coefficients;   // (slots, 8)
   Scratch<double> tile_losses;        // (n_tiles, 4)

@@ -78,7 +78,7 @@ def test_evaluations_are_pairs_of_splats_and_pixels() -> None:
     u, v = np.meshgrid(np.arange(60) + 0.5, np.arange(34) + 0.5)
     away = np.hypot(u[..., None] - pixels[:, 0], v[..., None] - pixels[:, 1])
     touched = np.count_nonzero(away < reach)
-    # Not all are visible; but rows and columns are taken in whole vectors.
+    # Not all are visible; but patches are taken whole.
     assert 0.2 * touched < stages.evaluations < 16 * touched
     assert min(stages.prepare_s, stages.forward_s, stages.backward_s, stages.step_s) > 0
 
