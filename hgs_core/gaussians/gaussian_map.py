@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int, Int32, UInt16
 from numpy import ndarray
 
+import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
 
 BLOCK: Final = 256
@@ -101,11 +102,13 @@ class GaussianMap:
         """Drop every row where `kept` is false; the others move up, order unchanged."""
         if kept.shape != (self.size,):
             raise MapError(f"keep needs one flag a Gaussian ({self.size}), got {kept.shape}")
-        rows: Int[ndarray, " n_kept"] = np.flatnonzero(kept)
+        first = int(np.argmin(kept)) if not kept.all() else self.size
+        rows: Int[ndarray, " n_moved"] = first + np.flatnonzero(kept[first:])
+        size = first + len(rows)
         for name in _ROWS:
             array = getattr(self, name)
-            array[: len(rows)] = array[rows]
-        self.size = len(rows)
+            array[first:size] = array[rows]
+        self.size = size
         self.version += 1
         self.refresh_blocks(0)
 
@@ -114,14 +117,8 @@ class GaussianMap:
         n_blocks = -(-self.size // BLOCK)
         bounds = np.empty((n_blocks, 6), np.float32)
         bounds[:first_block] = self.block_bounds[:first_block]
-        starts = np.arange(first_block * BLOCK, self.size, BLOCK)
-        if len(starts):
-            centres = self.parameters[first_block * BLOCK : self.size, CENTRE]
-            radii = np.exp(self.parameters[first_block * BLOCK : self.size, LOG_RADIUS])
-            local = starts - first_block * BLOCK
-            widest = np.maximum.reduceat(radii, local)[:, None]
-            bounds[first_block:, :3] = np.minimum.reduceat(centres, local) - widest
-            bounds[first_block:, 3:] = np.maximum.reduceat(centres, local) + widest
+        rows = self.parameters[first_block * BLOCK : self.size]
+        kernels.bound_blocks(rows, BLOCK, bounds[first_block:])
         self.block_bounds = bounds
 
     def state(self) -> dict[str, Any]:

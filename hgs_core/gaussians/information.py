@@ -19,16 +19,19 @@ from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
 
-def accumulate_information(gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3) -> None:
+def accumulate_information(
+    gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3, *, far_m: float = np.inf
+) -> None:
     """Add the information of one view to `gaussians.information` (H_train of Eq. 9).
 
+    Gaussians at a depth of `far_m` and beyond gain nothing: they are not learnt from that view either.
     `information_weight` grows by 1/z^2 for every Gaussian whose colour gained more than 1e-6.
     """
     size = gaussians.size
     kernels.add_information(
         gaussians.parameters[:size],
         gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera),
+        camera_numbers(intrinsics, T_world_camera, far_m=far_m),
         intrinsics.width,
         intrinsics.height,
         gaussians.information[:size],

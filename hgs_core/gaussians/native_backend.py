@@ -20,7 +20,12 @@ class NativeBackend:
     """
 
     def forward(
-        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+        self,
+        gaussians: GaussianMap,
+        intrinsics: CameraIntrinsics,
+        T_world_camera: SE3,
+        *,
+        far_m: float = np.inf,
     ) -> RenderedView:
         shape = (intrinsics.height, intrinsics.width)
         view = RenderedView(
@@ -31,7 +36,7 @@ class NativeBackend:
         kernels.render_sums(
             gaussians.parameters[: gaussians.size],
             gaussians.block_bounds,
-            camera_numbers(intrinsics, T_world_camera),
+            camera_numbers(intrinsics, T_world_camera, far_m=far_m),
             view.colour_sum,
             view.depth_sum,
             view.silhouette,
@@ -60,8 +65,11 @@ class NativeBackend:
         return gradient
 
 
-def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[float]:
-    """What the kernels take as a camera: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2."""
+def camera_numbers(
+    intrinsics: CameraIntrinsics, T_world_camera: SE3, *, far_m: float = np.inf
+) -> list[float]:
+    """What the kernels take as a camera: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2,
+    far_m."""
     world_to_camera = T_world_camera.inverse().as_matrix()[:3]
     return [
         intrinsics.fx,
@@ -70,4 +78,5 @@ def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3) -> list[fl
         intrinsics.cy,
         *(float(number) for number in world_to_camera.ravel()),
         intrinsics.low_pass_px2,
+        far_m,
     ]

@@ -97,6 +97,7 @@ class Mission:
         self._robot.follow(self._first_look())
         while self.record.stop_reason is None:
             self.step()
+        self._mapper.prune()
         self._observer.on_event(
             MissionEnded(
                 time_s=self._time_s, stop_reason=self.record.stop_reason, message=self.record.message

@@ -29,8 +29,8 @@ using Image3 = nb::ndarray<float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device
 using ConstImage3 = nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using ConstRgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 
-// fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2.
-using CameraNumbers = std::array<float, 17>;
+// fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2, far_m.
+using CameraNumbers = std::array<float, 18>;
 
 // Learning rates of the 8 parameters, beta1, beta2, epsilon, lowest and highest log radius.
 using AdamNumbers = std::array<float, 13>;
@@ -41,7 +41,7 @@ void require(bool held, const char* what) {
 
 hgs::PinholeCamera camera_of(const CameraNumbers& numbers, std::size_t width, std::size_t height) {
   hgs::PinholeCamera camera{numbers[0], numbers[1], numbers[2], numbers[3],
-                            static_cast<int>(width), static_cast<int>(height), {}, {}, numbers[16]};
+                            static_cast<int>(width), static_cast<int>(height), {}, {}, numbers[16], numbers[17]};
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) camera.rotation[3 * i + j] = numbers[4 + 4 * i + j];
     camera.translation[i] = numbers[4 + 4 * i + 3];
@@ -166,6 +166,7 @@ void bind_rasterise(nb::module_& m) {
   m.def("time_stages", &time_stages, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
         "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a,
         "One step of optimisation in timed passes: seconds of preparing, forward, backward, stepping; evaluations.");
+  m.attr("BEHIND_M") = hgs::BEHIND_M;
   m.attr("FORWARD_OPERATIONS") = hgs::FORWARD_OPERATIONS;
   m.attr("BACKWARD_OPERATIONS") = hgs::BACKWARD_OPERATIONS;
   m.def(
