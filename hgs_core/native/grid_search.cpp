@@ -56,8 +56,8 @@ struct PaddedGrid {
       : nx(grid.nx + 2), ny(grid.ny + 2), cost(static_cast<size_t>(nx) * static_cast<size_t>(ny), 0.0f) {
     for (int x = 0; x < grid.nx; ++x) {
       for (int y = 0; y < grid.ny; ++y) {
-        if (!passable(grid, x, y)) continue;
         const float c = grid.cost[static_cast<size_t>(x) * grid.ny + y];
+        if (!(c > 0.0f && c < std::numeric_limits<float>::infinity())) continue;
         cost[static_cast<size_t>(cell(x, y))] = c;
         lowest = std::min(lowest, c);
         highest = std::max(highest, c);
@@ -65,6 +65,20 @@ struct PaddedGrid {
     }
   }
   int32_t cell(int x, int y) const { return (x + 1) * ny + y + 1; }
+  int32_t original(int32_t cell, const CostGrid& grid) const { return (cell / ny - 1) * grid.ny + cell % ny - 1; }
+
+  // A field of cells (-1: none) without the border, and its cells numbered without it.
+  std::vector<int32_t> unpadded(const std::vector<int32_t>& field, const CostGrid& grid) const {
+    std::vector<int32_t> inside;
+    inside.reserve(static_cast<size_t>(grid.nx) * grid.ny);
+    for (int x = 0; x < grid.nx; ++x) {
+      for (int y = 0; y < grid.ny; ++y) {
+        const int32_t value = field[cell(x, y)];
+        inside.push_back(value < 0 ? -1 : original(value, grid));
+      }
+    }
+    return inside;
+  }
 };
 
 // Cells by distance, for steps of at least `width`: nothing that leaves the lowest bucket can return to it, so all
@@ -96,9 +110,10 @@ class BucketQueue {
 };
 
 // Distances and parents over the padded grid. Stops once all of `n_wanted` (> 0) distinct wanted cells are settled.
+// With `region`, which seed each cell is reached from (-1: none; the first of several seeds in one cell).
 void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
             const std::vector<uint8_t>& wanted, int n_wanted, std::vector<double>& distance,
-            std::vector<int32_t>& parent) {
+            std::vector<int32_t>& parent, std::vector<int32_t>* region = nullptr) {
   constexpr double kRounding = 0.999;  // keeps a shortest step out of its own bucket
   distance.assign(grid.cost.size(), kInfinity);
   parent.assign(grid.cost.size(), -1);
@@ -111,6 +126,7 @@ void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_cos
     if (grid.cost[cell] == 0.0f || seed_costs[s] >= distance[cell]) continue;
     distance[cell] = seed_costs[s];
     parent[cell] = cell;
+    if (region) (*region)[cell] = s;
     queue.push(seed_costs[s], cell);
   }
   const int32_t dx = grid.ny;
@@ -121,6 +137,7 @@ void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_cos
     if (candidate >= distance[next]) return;
     distance[next] = candidate;
     parent[next] = from;
+    if (region) (*region)[next] = (*region)[from];
     queue.push(candidate, next);
   };
   while (std::vector<int32_t>* bucket = queue.lowest()) {
@@ -153,11 +170,67 @@ void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* see
   std::vector<double> all_distances;
   std::vector<int32_t> all_parents;
   search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, all_distances, all_parents);
-  for (int32_t cell = 0; cell < grid.nx * grid.ny; ++cell) {
-    const int32_t from = inside(cell), before = all_parents[from];
-    distance[cell] = all_distances[from];
-    parent[cell] = before < 0 ? -1 : (before / padded.ny - 1) * grid.ny + before % padded.ny - 1;
+  const std::vector<int32_t> parents = padded.unpadded(all_parents, grid);
+  std::copy(parents.begin(), parents.end(), parent);
+  for (int x = 0; x < grid.nx; ++x) {
+    std::copy_n(&all_distances[static_cast<size_t>(padded.cell(x, 0))], grid.ny, distance + static_cast<size_t>(x) * grid.ny);
   }
+}
+
+void grid_ways(const CostGrid& grid, const int32_t* cells, int n, double* costs, int32_t* next, int32_t* crossings,
+               int32_t* parent) {
+  const PaddedGrid padded(grid);
+  std::vector<int32_t> places;
+  for (int a = 0; a < n; ++a) places.push_back(padded.cell(cells[a] / grid.ny, cells[a] % grid.ny));
+  std::vector<double> distance;
+  std::vector<int32_t> before, region(padded.cost.size(), -1);
+  const std::vector<double> zeros(static_cast<size_t>(n), 0.0);
+  search(padded, places.data(), zeros.data(), n, {}, 0, distance, before, &region);
+
+  const auto at = [n](int a, int b) { return static_cast<size_t>(a) * n + b; };
+  std::fill_n(costs, at(n, 0), kInfinity);
+  std::fill_n(next, at(n, 0), -1);
+  std::fill_n(crossings, at(n, 0), -1);
+  const auto join = [&](int a, int b, double cost, int32_t cell_a, int32_t cell_b) {
+    if (cost >= costs[at(a, b)]) return;
+    costs[at(a, b)] = costs[at(b, a)] = cost;
+    next[at(a, b)] = b;
+    next[at(b, a)] = a;
+    crossings[at(a, b)] = cell_a;
+    crossings[at(b, a)] = cell_b;
+  };
+  const int32_t dx = padded.ny;
+  const int32_t steps[4][3] = {{dx, 0, 0}, {1, 0, 0}, {dx + 1, dx, 1}, {dx - 1, dx, -1}};  // the cell, those beside
+  for (int32_t cell = 0; cell < static_cast<int32_t>(padded.cost.size()); ++cell) {
+    if (region[cell] < 0) continue;
+    for (const int32_t* step : steps) {
+      const int32_t other = cell + step[0];
+      if (region[other] < 0 || region[other] == region[cell]) continue;
+      const bool diagonal = step[1] != 0;
+      if (diagonal && !(padded.cost[cell + step[1]] > 0.0f && padded.cost[cell + step[2]] > 0.0f)) continue;
+      const double length = diagonal ? std::sqrt(2.0) : 1.0;
+      const double across = length * 0.5 * (static_cast<double>(padded.cost[cell]) + padded.cost[other]);
+      join(region[cell], region[other], distance[cell] + across + distance[other], padded.original(cell, grid),
+           padded.original(other, grid));
+    }
+  }
+  for (int a = 0; a < n; ++a) {
+    const int owner = region[places[a]];
+    if (owner < 0) continue;
+    costs[at(a, a)] = 0.0;
+    next[at(a, a)] = a;
+    if (owner != a) join(owner, a, 0.0, cells[a], cells[a]);
+  }
+  for (int via = 0; via < n; ++via)  // Floyd and Warshall
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b) {
+        const double cost = costs[at(a, via)] + costs[at(via, b)];
+        if (cost >= costs[at(a, b)]) continue;
+        costs[at(a, b)] = cost;
+        next[at(a, b)] = next[at(a, via)];
+      }
+  const std::vector<int32_t> parents = padded.unpadded(before, grid);
+  std::copy(parents.begin(), parents.end(), parent);
 }
 
 int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path, double* length) {
