@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int, Int32, UInt16
+from jaxtyping import Bool, Float32, Int32, UInt16
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
@@ -102,13 +102,10 @@ class GaussianMap:
         """Drop every row where `kept` is false; the others move up, order unchanged."""
         if kept.shape != (self.size,):
             raise MapError(f"keep needs one flag a Gaussian ({self.size}), got {kept.shape}")
-        first = int(np.argmin(kept)) if not kept.all() else self.size
-        rows: Int[ndarray, " n_moved"] = first + np.flatnonzero(kept[first:])
-        size = first + len(rows)
         for name in _ROWS:
-            array = getattr(self, name)
-            array[first:size] = array[rows]
-        self.size = size
+            rows = getattr(self, name)[: self.size]
+            kernels.compact_rows(rows.view(np.uint8).reshape(self.size, -1), kept)
+        self.size = int(np.count_nonzero(kept))
         self.version += 1
         self.refresh_blocks(0)
 

@@ -88,6 +88,19 @@ void bind_bound_blocks(nb::module_& m) {
       "Bounds of each block of rows: its centres, widened by its largest radius.");
 }
 
+void bind_compact_rows(nb::module_& m) {
+  m.def(
+      "compact_rows",
+      [](ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> rows,
+         ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu> kept) {
+        if (kept.shape(0) != rows.shape(0)) throw std::invalid_argument("one flag a row is needed");
+        nb::gil_scoped_release released;
+        hgs::compact_rows(rows.data(), static_cast<std::int64_t>(rows.shape(0)),
+                          static_cast<std::int64_t>(rows.shape(1)), kept.data());
+      },
+      nb::arg("rows").noconvert(), nb::arg("kept"), "Move the flagged rows, as bytes, together to the front.");
+}
+
 void bind_flag_worth_keeping(nb::module_& m) {
   m.def(
       "flag_worth_keeping",
@@ -113,5 +126,6 @@ void bind_fusion(nb::module_& m) {
   bind_smooth_depth(m);
   bind_fuse_centres(m);
   bind_bound_blocks(m);
+  bind_compact_rows(m);
   bind_flag_worth_keeping(m);
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace hgs {
 namespace {
@@ -41,6 +42,23 @@ void bound_blocks(const float* parameters, std::int64_t n, std::int64_t block, f
       bounds[6 * b + a] = low[a] - radius;
       bounds[6 * b + 3 + a] = high[a] + radius;
     }
+  }
+}
+
+void compact_rows(std::uint8_t* rows, std::int64_t n, std::int64_t row_bytes, const bool* kept) {
+  std::int64_t n_kept = 0;
+  for (std::int64_t first = 0; first < n;) {
+    if (!kept[first]) {
+      ++first;
+      continue;
+    }
+    std::int64_t end = first + 1;
+    while (end < n && kept[end]) ++end;
+    if (n_kept != first) {
+      std::memmove(rows + n_kept * row_bytes, rows + first * row_bytes, static_cast<std::size_t>((end - first) * row_bytes));
+    }
+    n_kept += end - first;
+    first = end;
   }
 }
 

@@ -10,6 +10,9 @@ namespace hgs {
 // radius.
 void bound_blocks(const float* parameters, std::int64_t n, std::int64_t block, float* bounds);
 
+// Moves the flagged ones of n rows of `row_bytes` together to the front, in their order.
+void compact_rows(std::uint8_t* rows, std::int64_t n, std::int64_t row_bytes, const bool* kept);
+
 // Where voxels lie: voxel (0, 0, 0) of the arrays has the global index `origin`, edges are `size_m` long.
 struct VoxelPlace {
   Cell origin;

@@ -81,6 +81,35 @@ struct PaddedGrid {
   }
 };
 
+// What a search knows of each cell. Clearing it costs what the search before touched.
+struct SearchField {
+  std::vector<double> distance;
+  std::vector<int32_t> parent;
+  std::vector<uint8_t> settled;
+
+  void clear(size_t n_cells) {
+    if (distance.size() != n_cells) {
+      distance.assign(n_cells, kInfinity);
+      parent.assign(n_cells, -1);
+      settled.assign(n_cells, 0);
+    } else {
+      for (const int32_t cell : touched_) {
+        distance[cell] = kInfinity;
+        parent[cell] = -1;
+        settled[cell] = 0;
+      }
+    }
+    touched_.clear();
+  }
+  // To be called before a cell's distance is set.
+  void touch(int32_t cell) {
+    if (distance[cell] == kInfinity) touched_.push_back(cell);
+  }
+
+ private:
+  std::vector<int32_t> touched_;
+};
+
 // Cells by distance, for steps of at least `width`: nothing that leaves the lowest bucket can return to it, so all
 // that lies in it is final and its order does not matter (Dial, 1969).
 class BucketQueue {
@@ -112,18 +141,20 @@ class BucketQueue {
 // Distances and parents over the padded grid. Stops once all of `n_wanted` (> 0) distinct wanted cells are settled.
 // With `region`, which seed each cell is reached from (-1: none; the first of several seeds in one cell).
 void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
-            const std::vector<uint8_t>& wanted, int n_wanted, std::vector<double>& distance,
-            std::vector<int32_t>& parent, std::vector<int32_t>* region = nullptr) {
+            const std::vector<uint8_t>& wanted, int n_wanted, SearchField& field,
+            std::vector<int32_t>* region = nullptr) {
   constexpr double kRounding = 0.999;  // keeps a shortest step out of its own bucket
-  distance.assign(grid.cost.size(), kInfinity);
-  parent.assign(grid.cost.size(), -1);
-  std::vector<uint8_t> settled(grid.cost.size(), 0);
+  std::vector<uint8_t>& settled = field.settled;
+  std::vector<double>& distance = field.distance;
+  std::vector<int32_t>& parent = field.parent;
+  field.clear(grid.cost.size());
   double farthest_seed = 0.0;
   for (int s = 0; s < n_seeds; ++s) farthest_seed = std::max(farthest_seed, seed_costs[s]);
   BucketQueue queue(kRounding * grid.lowest, std::sqrt(2.0) * grid.highest + farthest_seed);
   for (int s = 0; s < n_seeds; ++s) {
     const int32_t cell = seeds[s];
     if (grid.cost[cell] == 0.0f || seed_costs[s] >= distance[cell]) continue;
+    field.touch(cell);
     distance[cell] = seed_costs[s];
     parent[cell] = cell;
     if (region) (*region)[cell] = s;
@@ -135,6 +166,7 @@ void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_cos
   const auto relax = [&](int32_t from, int32_t next, double length) {
     const double candidate = distance[from] + length * 0.5 * (static_cast<double>(grid.cost[from]) + grid.cost[next]);
     if (candidate >= distance[next]) return;
+    field.touch(next);
     distance[next] = candidate;
     parent[next] = from;
     if (region) (*region)[next] = (*region)[from];
@@ -167,13 +199,12 @@ void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* see
   const auto inside = [&](int32_t cell) { return padded.cell(cell / grid.ny, cell % grid.ny); };
   std::vector<int32_t> padded_seeds;
   for (int s = 0; s < n_seeds; ++s) padded_seeds.push_back(inside(seeds[s]));
-  std::vector<double> all_distances;
-  std::vector<int32_t> all_parents;
-  search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, all_distances, all_parents);
-  const std::vector<int32_t> parents = padded.unpadded(all_parents, grid);
+  SearchField field;
+  search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, field);
+  const std::vector<int32_t> parents = padded.unpadded(field.parent, grid);
   std::copy(parents.begin(), parents.end(), parent);
   for (int x = 0; x < grid.nx; ++x) {
-    std::copy_n(&all_distances[static_cast<size_t>(padded.cell(x, 0))], grid.ny, distance + static_cast<size_t>(x) * grid.ny);
+    std::copy_n(&field.distance[static_cast<size_t>(padded.cell(x, 0))], grid.ny, distance + static_cast<size_t>(x) * grid.ny);
   }
 }
 
@@ -182,10 +213,11 @@ void grid_ways(const CostGrid& grid, const int32_t* cells, int n, double* costs,
   const PaddedGrid padded(grid);
   std::vector<int32_t> places;
   for (int a = 0; a < n; ++a) places.push_back(padded.cell(cells[a] / grid.ny, cells[a] % grid.ny));
-  std::vector<double> distance;
-  std::vector<int32_t> before, region(padded.cost.size(), -1);
+  SearchField field;
+  const std::vector<double>& distance = field.distance;
+  std::vector<int32_t> region(padded.cost.size(), -1);
   const std::vector<double> zeros(static_cast<size_t>(n), 0.0);
-  search(padded, places.data(), zeros.data(), n, {}, 0, distance, before, &region);
+  search(padded, places.data(), zeros.data(), n, {}, 0, field, &region);
 
   const auto at = [n](int a, int b) { return static_cast<size_t>(a) * n + b; };
   std::fill_n(costs, at(n, 0), kInfinity);
@@ -229,7 +261,7 @@ void grid_ways(const CostGrid& grid, const int32_t* cells, int n, double* costs,
         costs[at(a, b)] = cost;
         next[at(a, b)] = next[at(a, via)];
       }
-  const std::vector<int32_t> parents = padded.unpadded(before, grid);
+  const std::vector<int32_t> parents = padded.unpadded(field.parent, grid);
   std::copy(parents.begin(), parents.end(), parent);
 }
 
@@ -237,11 +269,9 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
   const int32_t n_cells = grid.nx * grid.ny;
   *length = kInfinity;
   if (!passable(grid, start / grid.ny, start % grid.ny) || !passable(grid, goal / grid.ny, goal % grid.ny)) return 0;
-  double lowest = kInfinity;
-  for (int32_t i = 0; i < n_cells; ++i) {
-    const float c = grid.cost[i];
-    if (c > 0.0f && c < lowest) lowest = c;
-  }
+  float least = std::numeric_limits<float>::infinity();
+  for (int32_t i = 0; i < n_cells; ++i) least = std::min(least, grid.cost[i] > 0.0f ? grid.cost[i] : least);
+  const double lowest = least;
   const int goal_x = goal / grid.ny;
   const int goal_y = goal % grid.ny;
   const auto heuristic = [&](int32_t cell) {
@@ -249,10 +279,13 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
     const int dy = std::abs(cell % grid.ny - goal_y);
     return lowest * (std::max(dx, dy) + (std::sqrt(2.0) - 1.0) * std::min(dx, dy));
   };
-  std::vector<double> distance(n_cells, kInfinity);
-  std::vector<int32_t> parent(n_cells, -1);
-  std::vector<uint8_t> closed(n_cells, 0);
+  thread_local SearchField field;  // kept: a short search shall not pay for the whole grid
+  field.clear(static_cast<size_t>(n_cells));
+  std::vector<double>& distance = field.distance;
+  std::vector<int32_t>& parent = field.parent;
+  std::vector<uint8_t>& closed = field.settled;
   Queue queue;
+  field.touch(start);
   distance[start] = 0.0;
   queue.emplace(heuristic(start), start);
   while (!queue.empty()) {
@@ -264,6 +297,7 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
     for_each_step(grid, cell, [&](int32_t next, double step) {
       const double candidate = distance[cell] + step;
       if (!closed[next] && candidate < distance[next]) {
+        field.touch(next);
         distance[next] = candidate;
         parent[next] = cell;
         queue.emplace(candidate + heuristic(next), next);
@@ -284,8 +318,7 @@ void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* di
   for (int a = 0; a < n; ++a) places.push_back(padded.cell(cells[a] / grid.ny, cells[a] % grid.ny));
 #pragma omp parallel
   {
-    std::vector<double> field;
-    std::vector<int32_t> parent;
+    SearchField field;
     std::vector<uint8_t> wanted(padded.cost.size(), 0);
 #pragma omp for schedule(dynamic, 1)
     for (int a = 0; a < n; ++a) {  // costs are the same both ways: each search looks for those after it
@@ -295,10 +328,10 @@ void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* di
         wanted[places[b]] = 1;
       }
       const double zero = 0.0;
-      search(padded, &places[a], &zero, 1, wanted, n_wanted, field, parent);
+      search(padded, &places[a], &zero, 1, wanted, n_wanted, field);
       for (int b = a; b < n; ++b) {
         wanted[places[b]] = 0;
-        distance[static_cast<size_t>(a) * n + b] = distance[static_cast<size_t>(b) * n + a] = field[places[b]];
+        distance[static_cast<size_t>(a) * n + b] = distance[static_cast<size_t>(b) * n + a] = field.distance[places[b]];
       }
     }
   }

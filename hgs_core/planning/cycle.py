@@ -59,6 +59,9 @@ class PlanningCycle:
 
     def place_near(self, point_m: Float[ndarray, " 2"], within_m: float) -> int | None:
         """The place nearest to a point, if it is near enough."""
+        (own,), (inside,) = self.grid.cells_of(point_m[None])
+        if inside and within_m >= self.grid.size_m and self.is_place.ravel()[own]:
+            return int(own)  # no other centre is nearer
         cells = self.grid.cells_within(self.is_place, point_m, within_m)
         if not len(cells):
             return None

@@ -18,7 +18,7 @@ from pydantic import Field
 from hgs_core.config.base import StrictConfig
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import leg_between
-from hgs_core.planning.path_search import GridWays, smooth, ways_between
+from hgs_core.planning.path_search import GridWays, smooth, ways_between, without_straights
 from hgs_core.planning.plan import SubspaceState, UnseenReason
 from hgs_core.planning.roadmap import Roadmap
 from hgs_core.planning.sampling import poisson_disk
@@ -58,7 +58,8 @@ class GlobalTour:
     keys: list[Key] = field(default_factory=list)
     goals: list[View] = field(default_factory=list)
     legs_m: list[Float[ndarray, "n 2"]] = field(default_factory=list)
-    """The way to each goal from the one before; the first from the robot."""
+    """The way to each goal from the one before; the first from the robot. Only that one is smoothed: the
+    others will be planned anew before they are driven."""
     in_horizon: list[View] = field(default_factory=list)
     """Views of outside subspaces that lie inside the horizon: the local level visits them."""
     rejected: list[View] = field(default_factory=list)
@@ -225,9 +226,9 @@ class GlobalPlanner:
             tour.keys.append(keys[b - 1])
             route = routes.route(a, b) if from_roadmap[a, b] else None
             if route is not None:
-                leg = smooth(cycle.grid, route)
+                leg = route if a else smooth(cycle.grid, route)
             elif a and ways.costs_m[a - 1, b - 1] <= by_grid[a, b]:
-                leg = smooth(cycle.grid, cycle.grid.centres_m(ways.cells_between(a - 1, b - 1)))
+                leg = without_straights(cycle.grid.centres_m(ways.cells_between(a - 1, b - 1)))
             else:
                 leg = leg_between(cycle, goals[a - 1] if a else None, goals[b - 1])
             tour.legs_m.append(leg)

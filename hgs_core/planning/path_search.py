@@ -132,6 +132,13 @@ def pairwise_costs(grid: NavigationGrid, cells: Int[ndarray, " n"]) -> Float[nda
     return kernels.grid_pairwise(grid.cost, cells.astype(np.int32)) * grid.size_m
 
 
+def without_straights(points_m: Float[ndarray, "n 2"]) -> Float[ndarray, "m 2"]:
+    """A path over cells without the points at which it goes straight on."""
+    steps = np.round(np.diff(points_m, axis=0), 6)
+    turns = np.any(np.diff(steps, axis=0) != 0.0, axis=1)
+    return points_m[np.concatenate([[True], turns, [True]])] if len(points_m) > 2 else points_m
+
+
 def smooth(grid: NavigationGrid, points_m: Float[ndarray, "n 2"]) -> Float[ndarray, "m 2"]:
     """Replace runs of a path by straight lines, keeping its ends.
 
