@@ -9,7 +9,7 @@ from jaxtyping import Bool
 from numpy import ndarray
 
 from hgs_core.gaussians.information import quality_image
-from hgs_core.gaussians.native_backend import NativeBackend
+from hgs_core.gaussians.render import render
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.snapshot import MapSnapshot
@@ -28,7 +28,7 @@ def exact_quality(
     range_m: float,
 ) -> float:
     """Eq. 9's gain of a view: `sum_ik H_cand,ik / (H_train,ik + prior)` over every pixel of its image."""
-    image = quality_image(snapshot.gaussians, camera, T_world_camera, prior_information, range_m=range_m)
+    image = quality_image(snapshot.gaussians, camera, T_world_camera, prior_information, far_m=range_m)
     return float(image.sum(dtype=np.float64))
 
 
@@ -59,7 +59,7 @@ def exact_coverage(
         unseen &= is_open & (horizontal * middle_m < range_m)
         if not unseen.any():
             continue
-        drawn = NativeBackend().forward(snapshot.gaussians, camera, T_world_camera, far_m=middle_m)
+        drawn = render(snapshot.gaussians, camera, T_world_camera, far_m=middle_m)
         left = 1.0 - drawn.silhouette[::PIXEL_STRIDE, ::PIXEL_STRIDE].reshape(-1)
         area = (PIXEL_STRIDE * middle_m) ** 2 / (camera.fx * camera.fy)
         volume += float(left[unseen].sum(dtype=np.float64)) * area * step_m

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int, Int32, UInt16
+from jaxtyping import Bool, Float32, Int32, UInt16
 from numpy import ndarray
 
+import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
 
 BLOCK: Final = 256
@@ -99,11 +100,10 @@ class GaussianMap:
         """Drop every row where `kept` is false; the others move up, order unchanged."""
         if kept.shape != (self.size,):
             raise MapError(f"keep needs one flag a Gaussian ({self.size}), got {kept.shape}")
-        rows: Int[ndarray, " n_kept"] = np.flatnonzero(kept)
         for name in _ROWS:
-            array = getattr(self, name)
-            array[: len(rows)] = array[rows]
-        self.size = len(rows)
+            rows = getattr(self, name)[: self.size]
+            kernels.compact_rows(rows.view(np.uint8).reshape(self.size, -1), kept)
+        self.size = int(np.count_nonzero(kept))
         self.version += 1
         self.refresh_blocks(0)
 
@@ -112,14 +112,8 @@ class GaussianMap:
         n_blocks = -(-self.size // BLOCK)
         bounds = np.empty((n_blocks, 6), np.float32)
         bounds[:first_block] = self.block_bounds[:first_block]
-        starts = np.arange(first_block * BLOCK, self.size, BLOCK)
-        if len(starts):
-            centres = self.parameters[first_block * BLOCK : self.size, CENTRE]
-            radii = np.exp(self.parameters[first_block * BLOCK : self.size, LOG_RADIUS])
-            local = starts - first_block * BLOCK
-            widest = np.maximum.reduceat(radii, local)[:, None]
-            bounds[first_block:, :3] = np.minimum.reduceat(centres, local) - widest
-            bounds[first_block:, 3:] = np.maximum.reduceat(centres, local) + widest
+        rows = self.parameters[first_block * BLOCK : self.size]
+        kernels.bound_blocks(rows, BLOCK, bounds[first_block:])
         self.block_bounds = bounds
 
     def state(self) -> dict[str, Any]:

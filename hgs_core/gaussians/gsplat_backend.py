@@ -20,6 +20,8 @@ from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
 NEAR_M = 0.1
+FARTHEST_M = 1e10
+"""Far plane of an unlimited view."""
 
 
 class GsplatBackend:
@@ -42,10 +44,15 @@ class GsplatBackend:
         self._rasterization = gsplat.rasterization
 
     def forward(
-        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+        self,
+        gaussians: GaussianMap,
+        intrinsics: CameraIntrinsics,
+        T_world_camera: SE3,
+        *,
+        far_m: float = np.inf,
     ) -> RenderedView:
         with self._torch.no_grad():
-            sums = self._splat(self._parameters(gaussians), intrinsics, T_world_camera)
+            sums = self._splat(self._parameters(gaussians), intrinsics, T_world_camera, far_m)
         colour, depth, silhouette = (image.cpu().numpy().astype(np.float32) for image in sums)
         return RenderedView(colour_sum=colour, depth_sum=depth, silhouette=silhouette)
 
@@ -59,7 +66,7 @@ class GsplatBackend:
         d_silhouette: Float32[ndarray, "height width"],
     ) -> Float32[ndarray, "size 8"]:
         parameters = self._parameters(gaussians).requires_grad_()
-        sums = self._splat(parameters, intrinsics, T_world_camera)
+        sums = self._splat(parameters, intrinsics, T_world_camera, np.inf)
         incoming = [self._torch.from_numpy(d).to(parameters) for d in (d_colour, d_depth, d_silhouette)]
         (gradient,) = self._torch.autograd.grad(sums, parameters, incoming)
         moved: Float32[ndarray, "size 8"] = gradient.cpu().numpy()
@@ -69,7 +76,7 @@ class GsplatBackend:
         return self._torch.from_numpy(gaussians.parameters[: gaussians.size]).cuda()
 
     def _splat(
-        self, parameters: Any, intrinsics: CameraIntrinsics, T_world_camera: SE3
+        self, parameters: Any, intrinsics: CameraIntrinsics, T_world_camera: SE3, far_m: float
     ) -> tuple[Any, Any, Any]:
         torch = self._torch
         to_camera = torch.from_numpy(T_world_camera.inverse().as_matrix()).to(parameters)
@@ -92,6 +99,7 @@ class GsplatBackend:
             width=intrinsics.width,
             height=intrinsics.height,
             near_plane=NEAR_M,
+            far_plane=min(far_m, FARTHEST_M),
             eps2d=intrinsics.low_pass_px2,
             render_mode="RGB+D",
         )

@@ -19,13 +19,18 @@ from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
 
-def accumulate_information(gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3) -> None:
-    """Add the information of one view to `gaussians.information` (H_train of Eq. 9)."""
+def accumulate_information(
+    gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3, *, far_m: float = np.inf
+) -> None:
+    """Add the information of one view to `gaussians.information` (H_train of Eq. 9).
+
+    Gaussians at a depth of `far_m` and beyond gain nothing: they are not learnt from that view either.
+    """
     size = gaussians.size
     kernels.add_information(
         gaussians.parameters[:size],
         gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera),
+        camera_numbers(intrinsics, T_world_camera, far_m=far_m),
         intrinsics.width,
         intrinsics.height,
         gaussians.information[:size],
@@ -55,12 +60,12 @@ def quality_image(
     T_world_camera: SE3,
     prior_information: float,
     *,
-    range_m: float = np.inf,
+    far_m: float = np.inf,
 ) -> Float32[ndarray, "height width"]:
     """The rendered quality gain (HGS-Planner figure 4): per pixel, `sum (dC/dw)^2 / (H_train + prior)`.
 
     Its sum over the image is `sum_i H_view,i / (H_train,i + prior)`, Eq. 9's gain of the view. Gaussians at a
-    z-depth of `range_m` and beyond count for nothing.
+    z-depth of `far_m` and beyond count for nothing.
     Raises `MapError` unless `prior_information` is positive.
     """
     if not prior_information > 0.0:
@@ -69,7 +74,7 @@ def quality_image(
     kernels.quality_image(
         gaussians.parameters[: gaussians.size],
         gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera, range_m),
+        camera_numbers(intrinsics, T_world_camera, far_m=far_m),
         gaussians.information[: gaussians.size],
         prior_information,
         image,

@@ -37,7 +37,7 @@ class NativeBackend:
         kernels.render_sums(
             gaussians.parameters[: gaussians.size],
             gaussians.block_bounds,
-            camera_numbers(intrinsics, T_world_camera, far_m),
+            camera_numbers(intrinsics, T_world_camera, far_m=far_m),
             view.colour_sum,
             view.depth_sum,
             view.silhouette,
@@ -66,8 +66,11 @@ class NativeBackend:
         return gradient
 
 
-def camera_numbers(intrinsics: CameraIntrinsics, T_world_camera: SE3, far_m: float = np.inf) -> list[float]:
-    """A camera for the kernels: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2, far_m."""
+def camera_numbers(
+    intrinsics: CameraIntrinsics, T_world_camera: SE3, *, far_m: float = np.inf
+) -> list[float]:
+    """What the kernels take as a camera: fx, fy, cx, cy, the rows of T_camera_world (3 x 4), low_pass_px2,
+    far_m."""
     world_to_camera = T_world_camera.inverse().as_matrix()[:3]
     return [
         intrinsics.fx,

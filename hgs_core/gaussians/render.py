@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -14,13 +15,18 @@ from hgs_core.geometry.se3 import SE3
 
 
 def render(
-    gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3, *, backend: str = "native"
+    gaussians: GaussianMap,
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    *,
+    far_m: float = math.inf,
+    backend: str = "native",
 ) -> RenderedView:
-    """Draw the map as the camera at `T_world_camera` would see it.
+    """Draw the map, up to a depth of `far_m`, as the camera at `T_world_camera` would see it.
 
     Raises `ConfigError` for an unknown backend.
     """
-    return render_backend(backend).forward(gaussians, intrinsics, T_world_camera)
+    return render_backend(backend).forward(gaussians, intrinsics, T_world_camera, far_m=far_m)
 
 
 def render_backend(name: str) -> RenderBackend:

@@ -55,11 +55,17 @@ class RenderBackend(Protocol):
 
     A Gaussian appears with variance `(f r / z)^2 + low_pass_px2` px^2 (f: geometric mean of fx and fy; the
     camera says `low_pass_px2`), alpha at most 0.99 and dropped below 1/255, if its centre is farther than
-    0.1 m; blending goes by the depth of the centres and ends at a transmittance of 1e-4.
+    0.1 m and nearer than `far_m`; blending goes by the depth of the centres and ends at a transmittance of
+    1e-4.
     """
 
     def forward(
-        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+        self,
+        gaussians: GaussianMap,
+        intrinsics: CameraIntrinsics,
+        T_world_camera: SE3,
+        *,
+        far_m: float = np.inf,
     ) -> RenderedView: ...
 
     def backward(

@@ -32,10 +32,15 @@ class TorchBackend:
         self.dtype = dtype
 
     def forward(
-        self, gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3
+        self,
+        gaussians: GaussianMap,
+        intrinsics: CameraIntrinsics,
+        T_world_camera: SE3,
+        *,
+        far_m: float = np.inf,
     ) -> RenderedView:
         with torch.no_grad():
-            sums = splat(self._parameters(gaussians), intrinsics, T_world_camera)
+            sums = splat(self._parameters(gaussians), intrinsics, T_world_camera, far_m=far_m)
         colour, depth, silhouette = (image.numpy().astype(np.float32) for image in sums)
         return RenderedView(colour_sum=colour, depth_sum=depth, silhouette=silhouette)
 
@@ -59,10 +64,14 @@ class TorchBackend:
 
 
 def splat(
-    parameters: Float[Tensor, "n 8"], intrinsics: CameraIntrinsics, T_world_camera: SE3
+    parameters: Float[Tensor, "n 8"],
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    *,
+    far_m: float = np.inf,
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"], Float[Tensor, "height width"]]:
     """The sums C, D and A of every pixel (HGS-Planner Eq. 2), differentiable by `parameters`."""
-    seen = project(parameters, intrinsics, T_world_camera)
+    seen = project(parameters, intrinsics, T_world_camera, far_m=far_m)
     columns = torch.arange(intrinsics.width, dtype=parameters.dtype) + 0.5
     rows = torch.arange(intrinsics.height, dtype=parameters.dtype) + 0.5
     weight = seen.weights(slice(None), columns, rows)
@@ -100,12 +109,16 @@ class ScreenSplats:
 
 
 def project(
-    parameters: Float[Tensor, "n 8"], intrinsics: CameraIntrinsics, T_world_camera: SE3
+    parameters: Float[Tensor, "n 8"],
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    *,
+    far_m: float = np.inf,
 ) -> ScreenSplats:
-    """What `parameters` are on the screen, differentiable by them."""
+    """What `parameters` nearer than `far_m` are on the screen, differentiable by them."""
     world_to_camera = torch.from_numpy(T_world_camera.inverse().as_matrix()).to(parameters.dtype)
     camera = parameters[:, CENTRE] @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
-    in_front = torch.nonzero(camera[:, 2] > NEAR_M).squeeze(1)
+    in_front = torch.nonzero((camera[:, 2] > NEAR_M) & (camera[:, 2] < far_m)).squeeze(1)
     front_to_back = in_front[torch.argsort(camera[in_front, 2], stable=True)]
     x, y, z = camera[front_to_back].unbind(dim=1)
     chosen = parameters[front_to_back]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 from numpy import ndarray
 
 from hgs_core.geometry.camera import CameraIntrinsics
@@ -33,6 +33,11 @@ class TrainingImage:
         """Pixels with a depth."""
         return (self.depth_m > 0) & np.isfinite(self.depth_m)
 
+    @property
+    def farthest_m(self) -> float:
+        """The largest depth that was measured; 0 if none was."""
+        return float(np.max(self.depth_m, where=self.measured, initial=0.0))
+
 
 class KeyframeStore:
     """All keyframes of a mission. Images live in files (1 MB each); memory holds poses and a few probes.
@@ -47,6 +52,7 @@ class KeyframeStore:
         self._poses: list[SE3] = []
         self._intrinsics: list[CameraIntrinsics] = []
         self._world_to_camera = np.zeros((0, 3, 4))
+        self._positions_m = np.zeros((0, 3))
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -75,6 +81,7 @@ class KeyframeStore:
         inverse = image.T_world_camera.inverse()
         row = np.concatenate([inverse.rotation, inverse.translation[:, None]], axis=1)
         self._world_to_camera = np.concatenate([self._world_to_camera, row[None]])
+        self._positions_m = np.concatenate([self._positions_m, image.T_world_camera.translation[None]])
         return index
 
     def load(self, index: int) -> TrainingImage:
@@ -94,16 +101,27 @@ class KeyframeStore:
         if len(probes) == 0 or len(self) == 0:
             return np.zeros(len(self))
         camera = self._intrinsics[0]
+        share = np.zeros(len(self))
+        near = self._near(probes, range_m + _OCCLUSION_MARGIN_M)
         homogeneous = np.concatenate([probes, np.ones((len(probes), 1))], axis=1)
-        points = homogeneous @ np.swapaxes(self._world_to_camera, 1, 2)
+        points = homogeneous @ np.swapaxes(self._world_to_camera[near], 1, 2)
         z = points[..., 2]
         safe = np.where(z > 0.1, z, 1.0)
         u = camera.fx * points[..., 0] / safe + camera.cx
         v = camera.fy * points[..., 1] / safe + camera.cy
         seen = (z > 0.1) & (z < range_m + _OCCLUSION_MARGIN_M)
         seen &= (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-        share: Float[ndarray, " n_keyframes"] = seen.mean(axis=1)
+        share[near] = seen.mean(axis=1)
         return share
+
+    def _near(self, probes_m: Float[ndarray, "n 3"], depth_m: float) -> Int[ndarray, " n_near"]:
+        """Keyframes that may have any of the probes in view: the only ones that cost anything."""
+        camera = self._intrinsics[0]
+        sideways = max(camera.cx, camera.width - camera.cx) / camera.fx
+        upwards = max(camera.cy, camera.height - camera.cy) / camera.fy
+        reach = depth_m * np.sqrt(1.0 + sideways**2 + upwards**2)
+        apart = np.maximum(probes_m.min(axis=0) - self._positions_m, self._positions_m - probes_m.max(axis=0))
+        return np.flatnonzero(np.all(apart <= reach, axis=1))
 
     def state(self) -> dict[str, Any]:
         """Poses and cameras; the images are files already."""
@@ -119,6 +137,7 @@ class KeyframeStore:
         store._world_to_camera = np.array(
             [np.concatenate([row.rotation, row.translation[:, None]], axis=1) for row in rows]
         ).reshape(-1, 3, 4)
+        store._positions_m = np.array([pose.translation for pose in store._poses]).reshape(-1, 3)
         return store
 
 

@@ -25,10 +25,11 @@ from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
 from hgs_core.sensing.frame import Frame, Scan
-from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
+from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap
 
 _RETIRED_LOGIT = -20.0
 _OVERLAP_MIN = 0.2
+_COMPACT_SHARE = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,17 +84,19 @@ class Mapper:
         image = training_image(frame, self.config.fusion)
         spacing_m = wanted_spacing(image, self.config.insertion)
         retired = self._fuse_depth(image, spacing_m)
-        rendered = render(self.gaussians, image.intrinsics, image.T_world_camera)
+        # What lies behind the farthest surface in view is hidden, and the larger the map, the more of it.
+        far_m = image.farthest_m + kernels.BEHIND_M
+        rendered = render(self.gaussians, image.intrinsics, image.T_world_camera, far_m=far_m)
         psnr = _predicted_psnr(image, rendered)
         is_keyframe = self._is_keyframe(frame.T_world_camera)
         inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
         iterations = self._optimise(image, interrupted)
-        accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera)
+        accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera, far_m=far_m)
         if is_keyframe:
             self.keyframes.add(image)
         self._n_frames += 1
         if self._n_frames % self.config.prune_interval == 0:
-            self.prune()
+            self.prune(compact_share=_COMPACT_SHARE)
         self._timestamp_s = frame.timestamp_s
         return IntegrationReport(
             inserted=inserted,
@@ -111,16 +114,31 @@ class Mapper:
             timestamp_s=self._timestamp_s,
         )
 
-    def prune(self) -> int:
-        """Drop faint Gaussians, and those that float where the voxel map saw free space. Returns how many."""
-        kept = self.gaussians.opacities >= self.config.prune_opacity
-        kept &= ~self._floating()
-        dropped = int(len(kept) - kept.sum())
-        if dropped:
+    def prune(self, *, compact_share: float = 0.0) -> int:
+        """Drop faint Gaussians, and those that float: whose voxel has been seen free and none of its 26
+        neighbours occupied. Returns how many.
+
+        Below `compact_share` of the map they are only made invisible, and dropped in a later call: that moves
+        the rows behind them, which is work in proportion to the map.
+        """
+        kept = np.empty(self.gaussians.size, bool)
+        opacity = self.config.prune_opacity
+        kernels.flag_worth_keeping(
+            self.gaussians.parameters[: self.gaussians.size],
+            np.log(opacity / (1.0 - opacity)),
+            self.voxels.states,
+            tuple(self.voxels.origin_index.tolist()),
+            self.voxels.config.size_m,
+            kept,
+        )
+        dropped = int(len(kept) - np.count_nonzero(kept))
+        if dropped > compact_share * len(kept):
             self.gaussians.keep(kept)
-        else:
-            self.gaussians.refresh_blocks()
-        return dropped
+            return dropped
+        self.gaussians.parameters[: len(kept)][~kept, LOGIT_OPACITY] = _RETIRED_LOGIT
+        self.gaussians.version += 1
+        self.gaussians.refresh_blocks()
+        return 0
 
     def state(self) -> dict[str, Any]:
         return {
@@ -231,31 +249,6 @@ class Mapper:
             moved >= self.config.keyframe_translation_m - 1e-6
             or turned_deg >= self.config.keyframe_rotation_deg - 1e-6
         )
-
-    def _floating(self) -> Bool[ndarray, " size"]:
-        """Gaussians whose voxel, and all of its 26 neighbours, have been seen without a surface."""
-        states = self.voxels.states
-        indices, inside = self.voxels.index_of(self.gaussians.centres_m.astype(np.float64))
-        floating = np.zeros(self.gaussians.size, bool)
-        if states.size == 0 or not inside.any():
-            return floating
-        surface = states == VoxelState.OCCUPIED
-        near_surface = _dilated(surface)
-        i, j, k = indices[inside].T
-        floating[inside] = (states[i, j, k] == VoxelState.FREE) & ~near_surface[i, j, k]
-        return floating
-
-
-def _dilated(mask: Bool[ndarray, "nx ny nz"]) -> Bool[ndarray, "nx ny nz"]:
-    grown = mask.copy()
-    for axis in range(3):
-        source = grown.copy()
-        low: list[slice] = [slice(None)] * 3
-        high: list[slice] = [slice(None)] * 3
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        grown[tuple(low)] |= source[tuple(high)]
-        grown[tuple(high)] |= source[tuple(low)]
-    return grown
 
 
 def _predicted_psnr(image: TrainingImage, rendered: RenderedView) -> float:

@@ -32,7 +32,6 @@ from hgs_core.robot.path import Path
 from hgs_core.robot.robot import Robot
 from hgs_core.sensing.frame import Frame
 from hgs_core.sensing.sensor import Scanner, Sensor
-from hgs_core.voxels.voxel_map import VoxelState
 
 _PAUSE_POLL_S = 0.05
 
@@ -98,6 +97,7 @@ class Mission:
         self._robot.follow(self._first_look())
         while self.record.stop_reason is None:
             self.step()
+        self._mapper.prune()
         self._observer.on_event(
             MissionEnded(
                 time_s=self._time_s, stop_reason=self.record.stop_reason, message=self.record.message
@@ -240,11 +240,10 @@ class Mission:
 
     def _missing_volume(self) -> float:
         voxels = self._mapper.voxels
-        return float(voxels.missing().sum()) * voxels.config.size_m**3
+        return voxels.n_missing * voxels.config.size_m**3
 
     def _report_progress(self, frame: Frame, report: IntegrationReport) -> None:
         state, voxels = self._robot.state, self._mapper.voxels
-        observed = int(np.count_nonzero(voxels.states != VoxelState.UNOBSERVED))
         self._observer.on_event(
             Telemetry(
                 time_s=state.timestamp_s,
@@ -256,7 +255,7 @@ class Mission:
                 collisions=state.collisions,
                 n_gaussians=self._mapper.gaussians.size,
                 n_keyframes=len(self._mapper.keyframes),
-                observed_volume_m3=observed * voxels.config.size_m**3,
+                observed_volume_m3=voxels.n_observed * voxels.config.size_m**3,
                 missing_volume_m3=self._missing_volume_m3,
                 psnr_current_db=report.psnr_predicted_db,
                 mapping_s=self.record.mapping_s[-1],

@@ -1,9 +1,13 @@
+#include <nanobind/stl/array.h>
+
+#include <array>
 #include <stdexcept>
 #include <vector>
 
 #include "bind.hpp"
 #include "centre_fusion.hpp"
 #include "depth_filter.hpp"
+#include "gaussian_upkeep.hpp"
 
 namespace nb = nanobind;
 using nb::ndarray;
@@ -69,10 +73,59 @@ void bind_fuse_centres(nb::module_& m) {
       nb::arg("translation"), nb::kw_only(), nb::arg("gate_m"), nb::arg("gate_slope"), nb::arg("max_count"));
 }
 
+void bind_bound_blocks(nb::module_& m) {
+  m.def(
+      "bound_blocks",
+      [](ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu> parameters, std::int64_t block,
+         ndarray<float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu> bounds) {
+        const auto n = static_cast<std::int64_t>(parameters.shape(0));
+        if (block < 1 || static_cast<std::int64_t>(bounds.shape(0)) != (n + block - 1) / block)
+          throw std::invalid_argument("bounds needs one row a block");
+        nb::gil_scoped_release released;
+        hgs::bound_blocks(parameters.data(), n, block, bounds.data());
+      },
+      nb::arg("parameters"), nb::arg("block"), nb::arg("bounds").noconvert(),
+      "Bounds of each block of rows: its centres, widened by its largest radius.");
+}
+
+void bind_compact_rows(nb::module_& m) {
+  m.def(
+      "compact_rows",
+      [](ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> rows,
+         ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu> kept) {
+        if (kept.shape(0) != rows.shape(0)) throw std::invalid_argument("one flag a row is needed");
+        nb::gil_scoped_release released;
+        hgs::compact_rows(rows.data(), static_cast<std::int64_t>(rows.shape(0)),
+                          static_cast<std::int64_t>(rows.shape(1)), kept.data());
+      },
+      nb::arg("rows").noconvert(), nb::arg("kept"), "Move the flagged rows, as bytes, together to the front.");
+}
+
+void bind_flag_worth_keeping(nb::module_& m) {
+  m.def(
+      "flag_worth_keeping",
+      [](ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu> parameters, float min_logit_opacity,
+         ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu> states,
+         std::array<std::int64_t, 3> origin, double size_m,
+         ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu> kept) {
+        if (kept.shape(0) != parameters.shape(0)) throw std::invalid_argument("kept needs one flag a Gaussian");
+        const hgs::Grid grid{{static_cast<std::int64_t>(states.shape(0)), static_cast<std::int64_t>(states.shape(1)),
+                              static_cast<std::int64_t>(states.shape(2))}};
+        nb::gil_scoped_release released;
+        hgs::flag_worth_keeping(parameters.data(), static_cast<std::int64_t>(parameters.shape(0)), min_logit_opacity,
+                                grid, states.data(), {origin, size_m}, kept.data());
+      },
+      nb::arg("parameters"), nb::arg("min_logit_opacity"), nb::arg("states"), nb::arg("origin"), nb::arg("size_m"),
+      nb::arg("kept").noconvert(), "Flag the Gaussians that are neither faint nor floating in free space.");
+}
+
 }  // namespace
 
 void bind_fusion(nb::module_& m) {
   bind_halve_frame(m);
   bind_smooth_depth(m);
   bind_fuse_centres(m);
+  bind_bound_blocks(m);
+  bind_compact_rows(m);
+  bind_flag_worth_keeping(m);
 }

@@ -105,6 +105,41 @@ void bind_grid_search(nb::module_& m) {
       nb::arg("cost"), nb::arg("cells"), "Path costs between every two cells, +inf where there is no way.");
 
   m.def(
+      "grid_ways",
+      [](Grid<float> cost, Vector<int32_t> cells) {
+        const size_t n = cells.shape(0), n_cells = cost.shape(0) * cost.shape(1);
+        check_cells(cells.data(), n, n_cells);
+        auto costs = std::make_unique<double[]>(n * n);
+        auto next = std::make_unique<int32_t[]>(n * n), crossings = std::make_unique<int32_t[]>(n * n);
+        auto parent = std::make_unique<int32_t[]>(n_cells);
+        {
+          nb::gil_scoped_release release;
+          hgs::grid_ways(view(cost), cells.data(), static_cast<int>(n), costs.get(), next.get(), crossings.get(),
+                         parent.get());
+        }
+        return std::make_tuple(owned(std::move(costs), {n, n}), owned(std::move(next), {n, n}),
+                               owned(std::move(crossings), {n, n}), owned(std::move(parent), {n_cells}));
+      },
+      nb::arg("cost"), nb::arg("cells"),
+      "Ways between cells: costs, the next cell on each way, where it leaves a cell's region, and all parents.");
+
+  m.def(
+      "grid_count_in_discs",
+      [](Grid<uint8_t> flags, Grid<double> points, double radius) {
+        if (points.shape(1) != 2) throw std::invalid_argument("a point is x, y");
+        const size_t n = points.shape(0);
+        auto counts = std::make_unique<int64_t[]>(n);
+        {
+          nb::gil_scoped_release release;
+          hgs::grid_count_in_discs(flags.data(), static_cast<int>(flags.shape(0)), static_cast<int>(flags.shape(1)),
+                                   points.data(), static_cast<int>(n), radius, counts.get());
+        }
+        return owned(std::move(counts), {n});
+      },
+      nb::arg("flags"), nb::arg("points"), nb::arg("radius"),
+      "How many flagged cells have their centres within a radius [cells] of each point [cells].");
+
+  m.def(
       "grid_box_clearance",
       [](Grid<uint8_t> blocked, float cap) {
         const size_t shape[2] = {blocked.shape(0), blocked.shape(1)};

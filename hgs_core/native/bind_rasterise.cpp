@@ -162,6 +162,7 @@ void bind_rasterise(nb::module_& m) {
   m.def("time_stages", &time_stages, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
         "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a,
         "One step of optimisation in timed passes: seconds of preparing, forward, backward, stepping; evaluations.");
+  m.attr("BEHIND_M") = hgs::BEHIND_M;
   m.attr("FORWARD_OPERATIONS") = hgs::FORWARD_OPERATIONS;
   m.attr("BACKWARD_OPERATIONS") = hgs::BACKWARD_OPERATIONS;
   m.def(

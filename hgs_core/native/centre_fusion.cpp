@@ -26,9 +26,10 @@ float interpolated_depth(const FusionView& view, float u, float v, float edge_m)
   return 1.0f / inverse;
 }
 
-// Whether a box may touch the view: false only when all corners lie behind or beyond one image border.
-bool block_in_view(const float* bounds, const FusionView& view) {
-  int behind = 0, left = 0, right = 0, above = 0, below = 0;
+// Whether a box may touch the view up to a depth: false only when all corners lie behind, beyond that depth or beyond
+// one image border.
+bool block_in_view(const float* bounds, const FusionView& view, float farthest) {
+  int behind = 0, beyond = 0, left = 0, right = 0, above = 0, below = 0;
   const float* r = view.rotation;
   const float left_slope = -view.cx / view.fx, right_slope = (float(view.width) - view.cx) / view.fx;
   const float top_slope = -view.cy / view.fy, bottom_slope = (float(view.height) - view.cy) / view.fy;
@@ -41,12 +42,13 @@ bool block_in_view(const float* bounds, const FusionView& view) {
     const float y = r[1] * d[0] + r[4] * d[1] + r[7] * d[2];
     const float z = r[2] * d[0] + r[5] * d[1] + r[8] * d[2];
     behind += z < kNear;
+    beyond += z > farthest;
     left += x < left_slope * z;
     right += x > right_slope * z;
     above += y < top_slope * z;
     below += y > bottom_slope * z;
   }
-  return behind < 8 && left < 8 && right < 8 && above < 8 && below < 8;
+  return behind < 8 && beyond < 8 && left < 8 && right < 8 && above < 8 && below < 8;
 }
 
 }  // namespace
@@ -55,12 +57,18 @@ void fuse_centres(float* parameters, std::uint16_t* counts, long n, const float*
                   const FusionView& view, float gate_m, float gate_slope, int max_count,
                   std::vector<std::int32_t>& coarse_rows) {
   const long n_blocks = (n + block - 1) / block;
+  float deepest = 0.0f;
+  for (long i = 0; i < long(view.width) * view.height; ++i) {
+    if (std::isfinite(view.depth[i])) deepest = std::max(deepest, view.depth[i]);
+  }
+  // Where z - gate_m - gate_slope z is the deepest measurement, and a little more.
+  const float farthest = gate_slope < 0.5f ? 1.001f * (deepest + gate_m) / (1.0f - gate_slope) : INFINITY;
   const float* r = view.rotation;
   const float* t = view.translation;
   std::vector<std::vector<std::int32_t>> coarse(static_cast<std::size_t>(omp_get_max_threads()));
 #pragma omp parallel for schedule(static)
   for (long b = 0; b < n_blocks; ++b) {
-    if (!block_in_view(bounds + 6 * b, view)) continue;
+    if (!block_in_view(bounds + 6 * b, view, farthest)) continue;
     auto& mine = coarse[static_cast<std::size_t>(omp_get_thread_num())];
     for (long i = b * block; i < std::min(n, (b + 1) * block); ++i) {
       float* centre = parameters + 8 * i;

@@ -27,6 +27,20 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
 // distance[a * n + b] between every two of `n` cells (OpenMP over the sources).
 void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* distance);
 
+// Ways between `n` cells by one search from all of them at once. Each cell of the grid belongs to the region of the
+// terminal that is nearest to it; where two regions meet, the best way across joins their terminals, exact unless a
+// shorter one leads through a third region. Other terminals are joined by way of those between them.
+//
+// costs[a * n + b]: of the way from a to b, +inf without one; next[a * n + b]: the terminal after a on it (a itself
+// for a = b, -1 without one); crossings[a * n + b], for neighbours: the last cell of the way that lies in a's region;
+// parent (nx * ny): the cell before towards the terminal, its own for a terminal, -1 where none is reached.
+void grid_ways(const CostGrid& grid, const int32_t* cells, int n, double* costs, int32_t* next, int32_t* crossings,
+               int32_t* parent);
+
+// How many of the flagged cells have their centres at most `radius` from each point.
+void grid_count_in_discs(const uint8_t* flags, int nx, int ny, const double* points, int n_points, double radius,
+                         int64_t* counts);
+
 // Distance from each cell's centre to the nearest blocked cell's box (or the grid's border), at most `cap`;
 // 0 in blocked cells.
 void grid_box_clearance(const uint8_t* blocked, int nx, int ny, float cap, float* clearance);

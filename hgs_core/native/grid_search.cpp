@@ -56,8 +56,8 @@ struct PaddedGrid {
       : nx(grid.nx + 2), ny(grid.ny + 2), cost(static_cast<size_t>(nx) * static_cast<size_t>(ny), 0.0f) {
     for (int x = 0; x < grid.nx; ++x) {
       for (int y = 0; y < grid.ny; ++y) {
-        if (!passable(grid, x, y)) continue;
         const float c = grid.cost[static_cast<size_t>(x) * grid.ny + y];
+        if (!(c > 0.0f && c < std::numeric_limits<float>::infinity())) continue;
         cost[static_cast<size_t>(cell(x, y))] = c;
         lowest = std::min(lowest, c);
         highest = std::max(highest, c);
@@ -65,6 +65,49 @@ struct PaddedGrid {
     }
   }
   int32_t cell(int x, int y) const { return (x + 1) * ny + y + 1; }
+  int32_t original(int32_t cell, const CostGrid& grid) const { return (cell / ny - 1) * grid.ny + cell % ny - 1; }
+
+  // A field of cells (-1: none) without the border, and its cells numbered without it.
+  std::vector<int32_t> unpadded(const std::vector<int32_t>& field, const CostGrid& grid) const {
+    std::vector<int32_t> inside;
+    inside.reserve(static_cast<size_t>(grid.nx) * grid.ny);
+    for (int x = 0; x < grid.nx; ++x) {
+      for (int y = 0; y < grid.ny; ++y) {
+        const int32_t value = field[cell(x, y)];
+        inside.push_back(value < 0 ? -1 : original(value, grid));
+      }
+    }
+    return inside;
+  }
+};
+
+// What a search knows of each cell. Clearing it costs what the search before touched.
+struct SearchField {
+  std::vector<double> distance;
+  std::vector<int32_t> parent;
+  std::vector<uint8_t> settled;
+
+  void clear(size_t n_cells) {
+    if (distance.size() != n_cells) {
+      distance.assign(n_cells, kInfinity);
+      parent.assign(n_cells, -1);
+      settled.assign(n_cells, 0);
+    } else {
+      for (const int32_t cell : touched_) {
+        distance[cell] = kInfinity;
+        parent[cell] = -1;
+        settled[cell] = 0;
+      }
+    }
+    touched_.clear();
+  }
+  // To be called before a cell's distance is set.
+  void touch(int32_t cell) {
+    if (distance[cell] == kInfinity) touched_.push_back(cell);
+  }
+
+ private:
+  std::vector<int32_t> touched_;
 };
 
 // Cells by distance, for steps of at least `width`: nothing that leaves the lowest bucket can return to it, so all
@@ -96,21 +139,25 @@ class BucketQueue {
 };
 
 // Distances and parents over the padded grid. Stops once all of `n_wanted` (> 0) distinct wanted cells are settled.
+// With `region`, which seed each cell is reached from (-1: none; the first of several seeds in one cell).
 void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_costs, int n_seeds,
-            const std::vector<uint8_t>& wanted, int n_wanted, std::vector<double>& distance,
-            std::vector<int32_t>& parent) {
+            const std::vector<uint8_t>& wanted, int n_wanted, SearchField& field,
+            std::vector<int32_t>* region = nullptr) {
   constexpr double kRounding = 0.999;  // keeps a shortest step out of its own bucket
-  distance.assign(grid.cost.size(), kInfinity);
-  parent.assign(grid.cost.size(), -1);
-  std::vector<uint8_t> settled(grid.cost.size(), 0);
+  std::vector<uint8_t>& settled = field.settled;
+  std::vector<double>& distance = field.distance;
+  std::vector<int32_t>& parent = field.parent;
+  field.clear(grid.cost.size());
   double farthest_seed = 0.0;
   for (int s = 0; s < n_seeds; ++s) farthest_seed = std::max(farthest_seed, seed_costs[s]);
   BucketQueue queue(kRounding * grid.lowest, std::sqrt(2.0) * grid.highest + farthest_seed);
   for (int s = 0; s < n_seeds; ++s) {
     const int32_t cell = seeds[s];
     if (grid.cost[cell] == 0.0f || seed_costs[s] >= distance[cell]) continue;
+    field.touch(cell);
     distance[cell] = seed_costs[s];
     parent[cell] = cell;
+    if (region) (*region)[cell] = s;
     queue.push(seed_costs[s], cell);
   }
   const int32_t dx = grid.ny;
@@ -119,8 +166,10 @@ void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_cos
   const auto relax = [&](int32_t from, int32_t next, double length) {
     const double candidate = distance[from] + length * 0.5 * (static_cast<double>(grid.cost[from]) + grid.cost[next]);
     if (candidate >= distance[next]) return;
+    field.touch(next);
     distance[next] = candidate;
     parent[next] = from;
+    if (region) (*region)[next] = (*region)[from];
     queue.push(candidate, next);
   };
   while (std::vector<int32_t>* bucket = queue.lowest()) {
@@ -150,25 +199,79 @@ void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* see
   const auto inside = [&](int32_t cell) { return padded.cell(cell / grid.ny, cell % grid.ny); };
   std::vector<int32_t> padded_seeds;
   for (int s = 0; s < n_seeds; ++s) padded_seeds.push_back(inside(seeds[s]));
-  std::vector<double> all_distances;
-  std::vector<int32_t> all_parents;
-  search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, all_distances, all_parents);
-  for (int32_t cell = 0; cell < grid.nx * grid.ny; ++cell) {
-    const int32_t from = inside(cell), before = all_parents[from];
-    distance[cell] = all_distances[from];
-    parent[cell] = before < 0 ? -1 : (before / padded.ny - 1) * grid.ny + before % padded.ny - 1;
+  SearchField field;
+  search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, field);
+  const std::vector<int32_t> parents = padded.unpadded(field.parent, grid);
+  std::copy(parents.begin(), parents.end(), parent);
+  for (int x = 0; x < grid.nx; ++x) {
+    std::copy_n(&field.distance[static_cast<size_t>(padded.cell(x, 0))], grid.ny, distance + static_cast<size_t>(x) * grid.ny);
   }
+}
+
+void grid_ways(const CostGrid& grid, const int32_t* cells, int n, double* costs, int32_t* next, int32_t* crossings,
+               int32_t* parent) {
+  const PaddedGrid padded(grid);
+  std::vector<int32_t> places;
+  for (int a = 0; a < n; ++a) places.push_back(padded.cell(cells[a] / grid.ny, cells[a] % grid.ny));
+  SearchField field;
+  const std::vector<double>& distance = field.distance;
+  std::vector<int32_t> region(padded.cost.size(), -1);
+  const std::vector<double> zeros(static_cast<size_t>(n), 0.0);
+  search(padded, places.data(), zeros.data(), n, {}, 0, field, &region);
+
+  const auto at = [n](int a, int b) { return static_cast<size_t>(a) * n + b; };
+  std::fill_n(costs, at(n, 0), kInfinity);
+  std::fill_n(next, at(n, 0), -1);
+  std::fill_n(crossings, at(n, 0), -1);
+  const auto join = [&](int a, int b, double cost, int32_t cell_a, int32_t cell_b) {
+    if (cost >= costs[at(a, b)]) return;
+    costs[at(a, b)] = costs[at(b, a)] = cost;
+    next[at(a, b)] = b;
+    next[at(b, a)] = a;
+    crossings[at(a, b)] = cell_a;
+    crossings[at(b, a)] = cell_b;
+  };
+  const int32_t dx = padded.ny;
+  const int32_t steps[4][3] = {{dx, 0, 0}, {1, 0, 0}, {dx + 1, dx, 1}, {dx - 1, dx, -1}};  // the cell, those beside
+  for (int32_t cell = 0; cell < static_cast<int32_t>(padded.cost.size()); ++cell) {
+    if (region[cell] < 0) continue;
+    for (const int32_t* step : steps) {
+      const int32_t other = cell + step[0];
+      if (region[other] < 0 || region[other] == region[cell]) continue;
+      const bool diagonal = step[1] != 0;
+      if (diagonal && !(padded.cost[cell + step[1]] > 0.0f && padded.cost[cell + step[2]] > 0.0f)) continue;
+      const double length = diagonal ? std::sqrt(2.0) : 1.0;
+      const double across = length * 0.5 * (static_cast<double>(padded.cost[cell]) + padded.cost[other]);
+      join(region[cell], region[other], distance[cell] + across + distance[other], padded.original(cell, grid),
+           padded.original(other, grid));
+    }
+  }
+  for (int a = 0; a < n; ++a) {
+    const int owner = region[places[a]];
+    if (owner < 0) continue;
+    costs[at(a, a)] = 0.0;
+    next[at(a, a)] = a;
+    if (owner != a) join(owner, a, 0.0, cells[a], cells[a]);
+  }
+  for (int via = 0; via < n; ++via)  // Floyd and Warshall
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b) {
+        const double cost = costs[at(a, via)] + costs[at(via, b)];
+        if (cost >= costs[at(a, b)]) continue;
+        costs[at(a, b)] = cost;
+        next[at(a, b)] = next[at(a, via)];
+      }
+  const std::vector<int32_t> parents = padded.unpadded(field.parent, grid);
+  std::copy(parents.begin(), parents.end(), parent);
 }
 
 int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path, double* length) {
   const int32_t n_cells = grid.nx * grid.ny;
   *length = kInfinity;
   if (!passable(grid, start / grid.ny, start % grid.ny) || !passable(grid, goal / grid.ny, goal % grid.ny)) return 0;
-  double lowest = kInfinity;
-  for (int32_t i = 0; i < n_cells; ++i) {
-    const float c = grid.cost[i];
-    if (c > 0.0f && c < lowest) lowest = c;
-  }
+  float least = std::numeric_limits<float>::infinity();
+  for (int32_t i = 0; i < n_cells; ++i) least = std::min(least, grid.cost[i] > 0.0f ? grid.cost[i] : least);
+  const double lowest = least;
   const int goal_x = goal / grid.ny;
   const int goal_y = goal % grid.ny;
   const auto heuristic = [&](int32_t cell) {
@@ -176,10 +279,13 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
     const int dy = std::abs(cell % grid.ny - goal_y);
     return lowest * (std::max(dx, dy) + (std::sqrt(2.0) - 1.0) * std::min(dx, dy));
   };
-  std::vector<double> distance(n_cells, kInfinity);
-  std::vector<int32_t> parent(n_cells, -1);
-  std::vector<uint8_t> closed(n_cells, 0);
+  thread_local SearchField field;  // kept: a short search shall not pay for the whole grid
+  field.clear(static_cast<size_t>(n_cells));
+  std::vector<double>& distance = field.distance;
+  std::vector<int32_t>& parent = field.parent;
+  std::vector<uint8_t>& closed = field.settled;
   Queue queue;
+  field.touch(start);
   distance[start] = 0.0;
   queue.emplace(heuristic(start), start);
   while (!queue.empty()) {
@@ -191,6 +297,7 @@ int grid_astar(const CostGrid& grid, int32_t start, int32_t goal, int32_t* path,
     for_each_step(grid, cell, [&](int32_t next, double step) {
       const double candidate = distance[cell] + step;
       if (!closed[next] && candidate < distance[next]) {
+        field.touch(next);
         distance[next] = candidate;
         parent[next] = cell;
         queue.emplace(candidate + heuristic(next), next);
@@ -211,8 +318,7 @@ void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* di
   for (int a = 0; a < n; ++a) places.push_back(padded.cell(cells[a] / grid.ny, cells[a] % grid.ny));
 #pragma omp parallel
   {
-    std::vector<double> field;
-    std::vector<int32_t> parent;
+    SearchField field;
     std::vector<uint8_t> wanted(padded.cost.size(), 0);
 #pragma omp for schedule(dynamic, 1)
     for (int a = 0; a < n; ++a) {  // costs are the same both ways: each search looks for those after it
@@ -222,10 +328,10 @@ void grid_pairwise(const CostGrid& grid, const int32_t* cells, int n, double* di
         wanted[places[b]] = 1;
       }
       const double zero = 0.0;
-      search(padded, &places[a], &zero, 1, wanted, n_wanted, field, parent);
+      search(padded, &places[a], &zero, 1, wanted, n_wanted, field);
       for (int b = a; b < n; ++b) {
         wanted[places[b]] = 0;
-        distance[static_cast<size_t>(a) * n + b] = distance[static_cast<size_t>(b) * n + a] = field[places[b]];
+        distance[static_cast<size_t>(a) * n + b] = distance[static_cast<size_t>(b) * n + a] = field.distance[places[b]];
       }
     }
   }

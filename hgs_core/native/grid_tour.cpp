@@ -71,39 +71,68 @@ std::vector<int> exact(const Matrix& c, const std::vector<int>& free_nodes, int 
   return tour;
 }
 
-// Moves every segment of up to three nodes, either way round, and reverses every segment, until nothing helps.
-void improve(const Matrix& c, std::vector<int>& tour, bool end_is_fixed) {
-  const int last_movable = static_cast<int>(tour.size()) - (end_is_fixed ? 2 : 1);
-  double current = tour_cost(c, tour);
-  std::vector<int> trial;
-  bool improved = true;
-  const auto accept = [&]() {
-    const double cost = tour_cost(c, trial);
-    if (cost < current - kGain) {
-      tour = trial;
-      current = cost;
-      improved = true;
+// Sums of the steps along a tour, forwards and backwards: what a run costs either way round, at once.
+class StepSums {
+ public:
+  StepSums(const Matrix& c, const std::vector<int>& tour) : forward_(tour.size(), 0.0), backward_(tour.size(), 0.0) {
+    for (size_t k = 1; k < tour.size(); ++k) {
+      forward_[k] = forward_[k - 1] + c(tour[k - 1], tour[k]);
+      backward_[k] = backward_[k - 1] + c(tour[k], tour[k - 1]);
     }
+  }
+  double forward(int first, int last) const { return forward_[last] - forward_[first]; }
+  double backward(int first, int last) const { return backward_[last] - backward_[first]; }
+
+ private:
+  std::vector<double> forward_, backward_;
+};
+
+// Moves every segment of up to three nodes, either way round, and reverses every segment, until nothing helps. What a
+// move would gain follows from the few steps that it changes.
+void improve(const Matrix& c, std::vector<int>& tour, bool end_is_fixed) {
+  const int last = static_cast<int>(tour.size()) - 1;
+  const int last_movable = end_is_fixed ? last - 1 : last;
+  StepSums sums(c, tour);
+  bool improved = true;
+  // The step from position k to a node, or to none behind the tour's end.
+  const auto step_on = [&](int from, int k) { return k <= last ? c(from, tour[k]) : 0.0; };
+  const auto accept = [&]() {
+    sums = StepSums(c, tour);
+    improved = true;
   };
   while (improved) {
     improved = false;
     for (int i = 1; i <= last_movable; ++i)
       for (int j = i + 1; j <= last_movable; ++j) {
-        trial = tour;
-        std::reverse(trial.begin() + i, trial.begin() + j + 1);
+        const double before = c(tour[i - 1], tour[i]) + sums.forward(i, j) + step_on(tour[j], j + 1);
+        const double after = c(tour[i - 1], tour[j]) + sums.backward(i, j) + step_on(tour[i], j + 1);
+        if (after >= before - kGain) continue;
+        std::reverse(tour.begin() + i, tour.begin() + j + 1);
         accept();
       }
     for (int length = 1; length <= 3; ++length)
       for (int i = 1; i + length - 1 <= last_movable; ++i)
         for (int target = 1; target + length - 1 <= last_movable; ++target) {
           if (target == i) continue;
+          const int end = i + length - 1;
+          // The segment leaves its place and goes between positions `left` and `left + 1`.
+          const int left = target < i ? target - 1 : target + length - 1;
+          const double closed = step_on(tour[i - 1], end + 1);
+          const double opened = step_on(tour[left], left + 1);
+          const double before = c(tour[i - 1], tour[i]) + step_on(tour[end], end + 1) + opened;
           for (int flipped = 0; flipped < (length > 1 ? 2 : 1); ++flipped) {
-            trial = tour;
-            std::vector<int> segment(trial.begin() + i, trial.begin() + i + length);
-            trial.erase(trial.begin() + i, trial.begin() + i + length);
-            if (flipped) std::reverse(segment.begin(), segment.end());
-            trial.insert(trial.begin() + target, segment.begin(), segment.end());
+            const int first = flipped ? tour[end] : tour[i], final = flipped ? tour[i] : tour[end];
+            const double turned = flipped ? sums.backward(i, end) - sums.forward(i, end) : 0.0;
+            const double after = closed + c(tour[left], first) + step_on(final, left + 1) + turned;
+            if (after >= before - kGain) continue;
+            if (flipped) std::reverse(tour.begin() + i, tour.begin() + end + 1);
+            if (target < i) {
+              std::rotate(tour.begin() + target, tour.begin() + i, tour.begin() + end + 1);
+            } else {
+              std::rotate(tour.begin() + i, tour.begin() + end + 1, tour.begin() + left + 1);
+            }
             accept();
+            break;
           }
         }
   }

@@ -30,7 +30,7 @@ bool has_free_neighbour(const Grid& grid, const std::uint8_t* states, const Cell
 
 std::int64_t count_attempts(const Grid& grid, const std::uint8_t* states, std::uint8_t* attempts,
                             const GridCamera& camera, const float* depth_m, double range_m, double cell_m,
-                            double border_px) {
+                            double border_px, const ChangedChunks& changed) {
   const double range = range_m / cell_m;
   // The box around the view pyramid: its apex and the four corners of its base.
   const auto& r = camera.rotation;
@@ -85,6 +85,7 @@ std::int64_t count_attempts(const Grid& grid, const std::uint8_t* states, std::u
             });
         if (!clear) continue;
         if (attempts[voxel] < 255) ++attempts[voxel];
+        changed.mark(i, j);
         ++n_attempts;
       }
     }

@@ -20,8 +20,9 @@ void mark(std::uint8_t& slot, std::uint8_t value) {
 
 }  // namespace
 
-void integrate_rays(const Grid& grid, std::uint8_t* states, float* log_odds, const Point& origin, const double* ends,
-                    const std::uint8_t* is_hit, std::int64_t n_rays, const LogOdds& model) {
+std::int64_t integrate_rays(const Grid& grid, std::uint8_t* states, float* log_odds, const Point& origin,
+                            const double* ends, const std::uint8_t* is_hit, std::int64_t n_rays, const LogOdds& model,
+                            const ChangedChunks& changed) {
   const auto end_of = [&](std::int64_t ray) { return Point{ends[3 * ray], ends[3 * ray + 1], ends[3 * ray + 2]}; };
 
   Cell low = cell_of(origin), high = low;
@@ -36,7 +37,7 @@ void integrate_rays(const Grid& grid, std::uint8_t* states, float* log_odds, con
   for (int a = 0; a < 3; ++a) {
     low[a] = std::max<std::int64_t>(low[a], 0);
     high[a] = std::min(high[a], grid.shape[a] - 1);
-    if (low[a] > high[a]) return;
+    if (low[a] > high[a]) return 0;
     span.shape[a] = high[a] - low[a] + 1;
   }
   const auto local = [&](const Cell& c) { return Cell{c[0] - low[0], c[1] - low[1], c[2] - low[2]}; };
@@ -61,9 +62,11 @@ void integrate_rays(const Grid& grid, std::uint8_t* states, float* log_odds, con
     if (grid.contains(c)) marks[span.offset(local(c))] = kHit;
   }
 
-#pragma omp parallel for schedule(static)
+  std::int64_t n_new = 0;
+#pragma omp parallel for schedule(static) reduction(+ : n_new)
   for (std::int64_t i = 0; i < span.shape[0]; ++i) {
     for (std::int64_t j = 0; j < span.shape[1]; ++j) {
+      bool any_changed = false;
       const std::uint8_t* row = &marks[span.offset({i, j, 0})];
       const std::int64_t first = grid.offset({i + low[0], j + low[1], low[2]});
       for (std::int64_t k = 0; k < span.shape[2]; ++k) {
@@ -71,10 +74,15 @@ void integrate_rays(const Grid& grid, std::uint8_t* states, float* log_odds, con
         const std::int64_t v = first + k;
         const float updated = log_odds[v] + (row[k] == kHit ? model.hit : model.miss);
         log_odds[v] = std::clamp(updated, model.lowest, model.highest);
-        states[v] = log_odds[v] > 0.0f ? kOccupied : kFree;
+        const std::uint8_t state = log_odds[v] > 0.0f ? kOccupied : kFree;
+        n_new += states[v] == kUnobserved;
+        any_changed |= states[v] != state;
+        states[v] = state;
       }
+      if (any_changed) changed.mark(i + low[0], j + low[1]);
     }
   }
+  return n_new;
 }
 
 }  // namespace hgs

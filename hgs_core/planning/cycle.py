@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,6 +10,7 @@ from numpy import ndarray
 
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import ReachField
 from hgs_core.planning.subspaces import MissingColumns
@@ -26,15 +26,12 @@ class PlanningCycle:
     robot: RobotState
     grid: NavigationGrid
     reach: ReachField
-    places: Int[ndarray, " n_places"]
-    """Flat cells where a viewpoint may be: reachable, inside the region."""
-    places_m: Float[ndarray, "n_places 2"]
-    """Their centres."""
-    roomy: Bool[ndarray, " n_places"]
-    """Which of them have the preferred clearance."""
+    is_place: Bool[ndarray, "nx ny"]
+    """Cells where a viewpoint may be: reachable, inside the region."""
     horizon: Box
     missing: MissingColumns
     observed_share: float
+    preferred_clearance_m: float
     scorer: ViewScorer
 
     @property
@@ -55,40 +52,44 @@ class PlanningCycle:
 
     def nearest_place(self, point_m: Float[ndarray, " 2"]) -> int:
         """The place nearest to a point; there must be one."""
-        return int(self.places[np.argmin(self._squared_distances(point_m))])
+        within_m = 0.5
+        while (place := self.place_near(point_m, within_m)) is None:
+            within_m *= 2.0
+        return place
 
     def place_near(self, point_m: Float[ndarray, " 2"], within_m: float) -> int | None:
         """The place nearest to a point, if it is near enough."""
-        reach = int(np.ceil(within_m / self.grid.size_m)) + 1
-        i, j = (int(k) for k in np.floor((point_m - self.grid.lower_m) / self.grid.size_m))
-        first_i, first_j = max(i - reach, 0), max(j - reach, 0)
-        window = self._is_place[first_i : max(i + reach + 1, 0), first_j : max(j + reach + 1, 0)]
-        near_i, near_j = np.nonzero(window)
-        if not len(near_i):
+        (own,), (inside,) = self.grid.cells_of(point_m[None])
+        if inside and within_m >= self.grid.size_m and self.is_place.ravel()[own]:
+            return int(own)  # no other centre is nearer
+        cells = self.grid.cells_within(self.is_place, point_m, within_m)
+        if not len(cells):
             return None
-        cells = (near_i + first_i) * self.grid.shape[1] + near_j + first_j
-        away = np.linalg.norm(self.grid.centres_m(cells) - point_m, axis=1)
-        nearest = int(np.argmin(away))
-        return int(cells[nearest]) if away[nearest] <= within_m else None
+        away = self.grid.centres_m(cells) - point_m
+        return int(cells[np.argmin(away[:, 0] ** 2 + away[:, 1] ** 2)])
 
     def places_within(self, point_m: Float[ndarray, " 2"], radius_m: float) -> Int[ndarray, " n"]:
-        """Indices into `places` of those at most so far from a point."""
-        return np.flatnonzero(self._squared_distances(point_m) <= radius_m**2)
+        """Places (flat cells) at most so far from a point."""
+        return self.grid.cells_within(self.is_place, point_m, radius_m)
 
-    def _squared_distances(self, point_m: Float[ndarray, " 2"]) -> Float[ndarray, " n_places"]:
-        x, y = self._place_columns
-        squared: Float[ndarray, " n_places"] = (x - point_m[0]) ** 2 + (y - point_m[1]) ** 2
-        return squared
+    def count_places_within(self, points_m: Float[ndarray, "n 2"], radius_m: float) -> Int[ndarray, " n"]:
+        """How many places are at most so far from each point."""
+        counts = kernels.grid_count_in_discs(
+            self.is_place.view(np.uint8),
+            np.ascontiguousarray((points_m - self.grid.lower_m) / self.grid.size_m, np.float64),
+            radius_m / self.grid.size_m,
+        )
+        return counts.astype(np.int64)
 
-    @cached_property
-    def _place_columns(self) -> tuple[Float[ndarray, " n_places"], Float[ndarray, " n_places"]]:
-        return np.ascontiguousarray(self.places_m[:, 0]), np.ascontiguousarray(self.places_m[:, 1])
+    def places_in_horizon(self) -> Int[ndarray, " n"]:
+        """Places (flat cells) inside the horizon."""
+        cells = self.grid.cells_between(self.is_place, self.horizon.lower_m[:2], self.horizon.upper_m[:2])
+        return cells[self.in_horizon(self.grid.centres_m(cells))]
 
-    @cached_property
-    def _is_place(self) -> Bool[ndarray, "nx ny"]:
-        is_place = np.zeros(self.grid.blocked.size, bool)
-        is_place[self.places] = True
-        return is_place.reshape(self.grid.shape)
+    def is_roomy(self, cells: Int[ndarray, " n"]) -> Bool[ndarray, " n"]:
+        """Which cells have the preferred clearance."""
+        roomy: Bool[ndarray, " n"] = self.grid.clearance_m.ravel()[cells] >= self.preferred_clearance_m
+        return roomy
 
     def distance_m(self, cell: int) -> float:
         """Path cost from the robot to a cell."""

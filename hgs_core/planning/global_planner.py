@@ -18,11 +18,11 @@ from pydantic import Field
 from hgs_core.config.base import StrictConfig
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import leg_between
-from hgs_core.planning.path_search import pairwise_costs, smooth
+from hgs_core.planning.path_search import GridWays, smooth, ways_between, without_straights
 from hgs_core.planning.plan import SubspaceState, UnseenReason
 from hgs_core.planning.roadmap import Roadmap
 from hgs_core.planning.sampling import poisson_disk
-from hgs_core.planning.subspaces import Key, SubspacePartition
+from hgs_core.planning.subspaces import Key, MissingInCuboid, SubspacePartition
 from hgs_core.planning.tours import open_tour
 from hgs_core.planning.views import View
 
@@ -58,7 +58,8 @@ class GlobalTour:
     keys: list[Key] = field(default_factory=list)
     goals: list[View] = field(default_factory=list)
     legs_m: list[Float[ndarray, "n 2"]] = field(default_factory=list)
-    """The way to each goal from the one before; the first from the robot."""
+    """The way to each goal from the one before; the first from the robot. Only that one is smoothed: the
+    others will be planned anew before they are driven."""
     in_horizon: list[View] = field(default_factory=list)
     """Views of outside subspaces that lie inside the horizon: the local level visits them."""
     rejected: list[View] = field(default_factory=list)
@@ -103,17 +104,20 @@ class GlobalPlanner:
     def tour(self, cycle: PlanningCycle, rng: np.random.Generator, *, whole_map: bool) -> GlobalTour:
         """Tour the reconstructing subspaces; with `whole_map`, those inside the horizon, too."""
         tour = GlobalTour()
-        counted = (
-            np.ones(len(cycle.missing.xy_m), bool) if whole_map else ~cycle.in_horizon(cycle.missing.xy_m)
+        columns = cycle.missing.xy_m
+        everywhere = cycle.missing.gathered(np.ones(len(columns), bool))
+        self._reconsider(cycle, everywhere)
+        wanted = everywhere if whole_map else cycle.missing.gathered(~cycle.in_horizon(columns))
+        open_keys = [
+            key
+            for key in self.partition.with_state(SubspaceState.RECONSTRUCTING)
+            if key in wanted and wanted[key].volume_m3 >= self.partition.config.done_volume_m3
+        ]
+        counts = cycle.count_places_within(
+            _stacked([wanted[key].middle_m for key in open_keys]), self.config.view_radius_m
         )
-        if len(counted):
-            self._reconsider(cycle)
-        for key in self.partition.with_state(SubspaceState.RECONSTRUCTING):
-            of_key = cycle.missing.of(key)
-            of_key = of_key[counted[of_key]]
-            volume = float(cycle.missing.volume_m3[of_key].sum())
-            if volume >= self.partition.config.done_volume_m3:
-                self._represent(key, of_key, volume, cycle, rng, tour)
+        for key, n_places in zip(open_keys, counts.tolist(), strict=True):
+            self._represent(key, wanted[key], n_places, cycle, rng, tour)
         for key in [
             key
             for key in self._views
@@ -123,42 +127,40 @@ class GlobalPlanner:
         self._order(cycle, tour)
         return tour
 
-    def _middle(self, cycle: PlanningCycle, of_key: Int[ndarray, " n"]) -> Float[ndarray, " 2"]:
-        middle: Float[ndarray, " 2"] = np.average(
-            cycle.missing.xy_m[of_key], axis=0, weights=cycle.missing.volume_m3[of_key]
-        )
-        return middle
-
-    def _reconsider(self, cycle: PlanningCycle) -> None:
-        for key, record in self.partition.records.items():
-            if (
-                record.exhausted is not None
-                and record.missing_volume_m3 >= self.partition.config.done_volume_m3
-            ):
-                middle = self._middle(cycle, cycle.missing.of(key))
-                places = cycle.places_within(middle, self._camera_range_m)
-                self.partition.reconsider(key, places=len(places))
+    def _reconsider(self, cycle: PlanningCycle, missing: dict[Key, MissingInCuboid]) -> None:
+        """Reopen exhausted subspaces that the robot can look at from clearly more places now."""
+        keys = [
+            key
+            for key, record in self.partition.records.items()
+            if record.exhausted is not None
+            and record.missing_volume_m3 >= self.partition.config.done_volume_m3
+        ]
+        middles = _stacked([missing[key].middle_m for key in keys])
+        counts = cycle.count_places_within(middles, self._camera_range_m)
+        for key, n_places in zip(keys, counts.tolist(), strict=True):
+            self.partition.reconsider(key, places=n_places)
 
     def _represent(
         self,
         key: Key,
-        of_key: Int[ndarray, " n"],
-        volume_m3: float,
+        missing: MissingInCuboid,
+        n_places: int,
         cycle: PlanningCycle,
         rng: np.random.Generator,
         tour: GlobalTour,
     ) -> None:
-        middle = self._middle(cycle, of_key)
-        near = cycle.places_within(middle, self.config.view_radius_m)
+        """Choose the subspace's view, or give the subspace up. `n_places`: how many are near its missing
+        voxels."""
         known = self._views.get(key)
-        if known is not None and self._still_holds(known, volume_m3, len(near), cycle):
+        if known is not None and self._still_holds(known, missing.volume_m3, n_places):
             cell = cycle.place_near(known.view.xy_m, cycle.grid.size_m)
-            assert cell is not None  # _still_holds looked it up
-            self._accept(key, known.view.at_cell(cell), cycle, tour)
-            return
+            if cell is not None:
+                self._accept(key, known.view.at_cell(cell), cycle, tour)
+                return
+        near = cycle.places_within(missing.middle_m, self.config.view_radius_m)
         view = self._best(near, self.config.view_spacing_m, self.config.views_per_subspace, cycle, rng)
         if view is None or view.total_gain < self._gain_threshold:
-            wide = cycle.places_within(middle, self._camera_range_m)
+            wide = cycle.places_within(missing.middle_m, self._camera_range_m)
             denser = self.config.view_spacing_m / 2
             again = self._best(wide, denser, self.config.dense_views_per_subspace, cycle, rng)
             view = max((v for v in (view, again) if v is not None), key=lambda v: v.total_gain, default=None)
@@ -166,22 +168,18 @@ class GlobalPlanner:
                 reason = UnseenReason.UNREACHABLE if view is None else UnseenReason.BELOW_THRESHOLD
                 self.partition.exhaust(key, reason, places=len(wide))
                 if view is None:
-                    tour.unreachable.append(middle)
+                    tour.unreachable.append(missing.middle_m)
                 else:
                     tour.rejected.append(view)
                 return
-        self._views[key] = SubspaceView(view=view, missing_volume_m3=volume_m3, n_places=len(near))
+        self._views[key] = SubspaceView(view=view, missing_volume_m3=missing.volume_m3, n_places=len(near))
         self._accept(key, view, cycle, tour)
 
-    def _still_holds(
-        self, known: SubspaceView, volume_m3: float, n_places: int, cycle: PlanningCycle
-    ) -> bool:
+    def _still_holds(self, known: SubspaceView, volume_m3: float, n_places: int) -> bool:
         change = self.config.stale_change
-        return (
-            abs(volume_m3 - known.missing_volume_m3) <= change * known.missing_volume_m3
-            and abs(n_places - known.n_places) <= max(change * known.n_places, 20)
-            and cycle.place_near(known.view.xy_m, cycle.grid.size_m) is not None
-        )
+        return abs(volume_m3 - known.missing_volume_m3) <= change * known.missing_volume_m3 and abs(
+            n_places - known.n_places
+        ) <= max(change * known.n_places, 20)
 
     def _best(
         self,
@@ -191,9 +189,14 @@ class GlobalPlanner:
         cycle: PlanningCycle,
         rng: np.random.Generator,
     ) -> View | None:
-        roomy = cycle.roomy[candidates]
-        chosen = poisson_disk(cycle.places_m[candidates], spacing_m, rng, preferred=roomy, limit=limit)
-        views = cycle.score(cycle.places[candidates[chosen]])
+        chosen = poisson_disk(
+            cycle.grid.centres_m(candidates),
+            spacing_m,
+            rng,
+            preferred=cycle.is_roomy(candidates),
+            limit=limit,
+        )
+        views = cycle.score(candidates[chosen])
         return max(views, key=lambda view: view.total_gain, default=None)
 
     @staticmethod
@@ -210,8 +213,10 @@ class GlobalPlanner:
         if not tour.goals:
             return
         places = np.stack([cycle.robot_xy_m, *(view.xy_m for view in tour.goals)])
+        cells = np.array([goal.cell for goal in tour.goals])
         routes = self.roadmap.routes(cycle.grid, places)
-        by_grid = self._grid_costs(cycle, tour.goals)
+        ways = ways_between(cycle.grid, cells)
+        by_grid = self._grid_costs(cycle, cells, ways)
         from_roadmap = routes.costs_m <= self.config.detour_factor * by_grid
         order = open_tour(np.where(from_roadmap, routes.costs_m, by_grid))
         goals, keys = tour.goals, tour.keys
@@ -221,18 +226,22 @@ class GlobalPlanner:
             tour.keys.append(keys[b - 1])
             route = routes.route(a, b) if from_roadmap[a, b] else None
             if route is not None:
-                tour.legs_m.append(smooth(cycle.grid, route))
+                leg = route if a else smooth(cycle.grid, route)
+            elif a and ways.costs_m[a - 1, b - 1] <= by_grid[a, b]:
+                leg = without_straights(cycle.grid.centres_m(ways.cells_between(a - 1, b - 1)))
             else:
-                tour.legs_m.append(leg_between(cycle, goals[a - 1] if a else None, goals[b - 1]))
-                tour.grid_legs += 1
+                leg = leg_between(cycle, goals[a - 1] if a else None, goals[b - 1])
+            tour.legs_m.append(leg)
+            tour.grid_legs += route is None
 
     @staticmethod
-    def _grid_costs(cycle: PlanningCycle, goals: list[View]) -> Float[ndarray, "n n"]:
+    def _grid_costs(
+        cycle: PlanningCycle, cells: Int[ndarray, " n_goals"], ways: GridWays
+    ) -> Float[ndarray, "n n"]:
         """Costs of the grid's ways between every two of the robot (row 0) and the goals."""
-        cells = np.array([goal.cell for goal in goals])
-        by_grid = np.zeros((len(goals) + 1, len(goals) + 1))
+        by_grid = np.zeros((len(cells) + 1, len(cells) + 1))
         by_grid[0, 1:] = by_grid[1:, 0] = cycle.reach.distance_m.ravel()[cells]
-        by_grid[1:, 1:] = pairwise_costs(cycle.grid, cells)
+        by_grid[1:, 1:] = ways.costs_m
         # Between two reachable places there is a way through the robot's, if entering its cells takes an
         # escape.
         return np.minimum(by_grid, by_grid[:, :1] + by_grid[:1, :])
@@ -260,3 +269,7 @@ class GlobalPlanner:
             )
             for entry in state["views"]
         }
+
+
+def _stacked(points_m: list[Float[ndarray, " 2"]]) -> Float[ndarray, "n 2"]:
+    return np.array(points_m).reshape(-1, 2)

@@ -26,10 +26,11 @@ from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import first_exit, join_views
+from hgs_core.planning.floor_survey import FloorSurvey
 from hgs_core.planning.global_planner import GlobalPlanner, GlobalTour
 from hgs_core.planning.local_planner import LocalPlanner, LocalViews
 from hgs_core.planning.low_obstacles import TouchMemory
-from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_grid
+from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import reach_from
 from hgs_core.planning.plan import (
     Candidate,
@@ -83,6 +84,7 @@ class HierarchicalPlanner:
         )
         self._local = LocalPlanner(config.local_level, robot, gain_threshold=config.gain_threshold)
         self._touches = TouchMemory()
+        self._floor = FloorSurvey(config.navigation, robot, sight_m=camera_range_m)
         self._pursuit = Pursuit(config, robot, self._touches)
 
     def plan(self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator) -> Plan | NothingLeft:
@@ -192,42 +194,36 @@ class HierarchicalPlanner:
             raise PlanningError("the voxel map is empty: integrate a frame before planning")
         here = np.array([robot.x_m, robot.y_m])
         self._touches.notice(robot, self._robot.radius_m)
-        grid = build_navigation_grid(
-            voxels,
-            self.config.navigation,
-            self._robot,
-            robot_xy_m=here,
-            gaussians=snapshot.gaussians,
-            touched_m=self._touches.points_m,
-        )
+        grid = self._floor.grid(voxels, snapshot.gaussians, robot_xy_m=here, touched_m=self._touches.points_m)
         reach = reach_from(grid, here)
-        places = np.flatnonzero(reach.reachable.ravel() & self._in_region(grid))
         horizon = horizon_around(here, self.config.local_level.horizon_m, voxels)
         return PlanningCycle(
             snapshot=snapshot,
             robot=robot,
             grid=grid,
             reach=reach,
-            places=places,
-            places_m=grid.centres_m(places),
-            roomy=grid.clearance_m.ravel()[places] >= self.config.navigation.preferred_clearance_m,
+            is_place=reach.reachable & self._in_region(grid),
             horizon=horizon,
             missing=self._partition.update(voxels),
             observed_share=voxels.observed_share(horizon),
+            preferred_clearance_m=self.config.navigation.preferred_clearance_m,
             scorer=self._scorer,
         )
 
-    def _in_region(self, grid: NavigationGrid) -> Bool[ndarray, " n"]:
-        centres = grid.centres_m(np.arange(grid.blocked.size))
+    def _in_region(self, grid: NavigationGrid) -> Bool[ndarray, "nx ny"]:
+        """Cells with centres inside the region."""
+        inside = np.ones(grid.shape, bool)
         if self._region is None:
-            return np.ones(len(centres), dtype=bool)
-        lower, upper = self._region.lower_m[:2], self._region.upper_m[:2]
-        inside: Bool[ndarray, " n"] = np.all((centres >= lower) & (centres < upper), axis=1)
+            return inside
+        for axis, n in enumerate(grid.shape):
+            centres = grid.lower_m[axis] + (np.arange(n) + 0.5) * grid.size_m
+            along = (centres >= self._region.lower_m[axis]) & (centres < self._region.upper_m[axis])
+            inside &= along[:, None] if axis == 0 else along[None, :]
         return inside
 
     @staticmethod
     def _crossing_cell(cycle: PlanningCycle, tour: GlobalTour) -> int | None:
-        if not tour.legs_m or not len(cycle.places):
+        if not tour.legs_m or not cycle.is_place.any():
             return None
         exit_m = first_exit(tour.legs_m[0], cycle)
         return None if exit_m is None else cycle.nearest_place(exit_m)
@@ -313,7 +309,8 @@ class HierarchicalPlanner:
             if unseen
             else "nothing is missing"
         )
-        if not len(cycle.places):
+        n_places = int(np.count_nonzero(cycle.is_place))
+        if not n_places:
             radius = self._robot.radius_m
             return (
                 "the robot cannot leave its place: no floor around it has been seen free with "
@@ -321,7 +318,7 @@ class HierarchicalPlanner:
                 f"the floor nearby?); {left}"
             )
         best = max((view.total_gain for view in local.rejected), default=0.0)
-        area = len(cycle.places) * cycle.grid.size_m**2
+        area = n_places * cycle.grid.size_m**2
         return (
             f"no reachable view gains {self.config.gain_threshold:.2f} or more "
             f"(best {best:.2f}; the robot can stand on {area:.1f} m^2 of floor); {left}"
@@ -331,7 +328,7 @@ class HierarchicalPlanner:
         return unseen_regions(
             cycle.snapshot.voxels,
             self._partition,
-            cycle.places_m,
+            cycle.grid.centres_m(np.flatnonzero(cycle.is_place)),
             camera_range_m=self._camera_range_m,
             region=self._region,
         )

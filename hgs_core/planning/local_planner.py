@@ -117,30 +117,31 @@ class LocalPlanner:
             )
             if np.min(np.linalg.norm(others - centre, axis=1)) >= self.config.dense_spacing_m:
                 kept.append(cell)
-        inside = cycle.in_horizon(cycle.places_m)
+        places = cycle.places_in_horizon()
         taken = np.concatenate([cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(kept, dtype=np.int64))])
         sampled = poisson_disk(
-            cycle.places_m[inside],
+            cycle.grid.centres_m(places),
             self.config.sample_spacing_m,
             rng,
-            preferred=cycle.roomy[inside],
+            preferred=cycle.is_roomy(places),
             taken_m=taken,
         )
-        return np.concatenate([np.array(kept, dtype=np.int64), cycle.places[inside][sampled]])
+        return np.concatenate([np.array(kept, dtype=np.int64), places[sampled]])
 
     def _sample_densely(self, cycle: PlanningCycle, rng: np.random.Generator) -> list[View]:
         inside = cycle.in_horizon(cycle.missing.xy_m)
         if float(cycle.missing.volume_m3[inside].sum()) < self.config.dense_missing_m3:
             return []
-        near = np.flatnonzero(cycle.in_horizon(cycle.places_m))
+        near = cycle.places_in_horizon()
+        near_m = cycle.grid.centres_m(near)
         # Missing columns thinned to one in 0.5 m: distances to them need no more.
         columns = np.unique(np.round(cycle.missing.xy_m[inside] / 0.5), axis=0) * 0.5
-        apart = np.linalg.norm(cycle.places_m[near][:, None] - columns[None], axis=2)
-        near = near[np.any(apart <= self.config.dense_radius_m, axis=1)]
+        apart = np.linalg.norm(near_m[:, None] - columns[None], axis=2)
+        wanted = np.any(apart <= self.config.dense_radius_m, axis=1)
         chosen = poisson_disk(
-            cycle.places_m[near], self.config.dense_spacing_m, rng, limit=self.config.dense_samples
+            near_m[wanted], self.config.dense_spacing_m, rng, limit=self.config.dense_samples
         )
-        return cycle.score(cycle.places[near[chosen]])
+        return cycle.score(near[wanted][chosen])
 
     def _spread(self, views: list[View]) -> list[View]:
         """The best of views closer to each other than the usual spacing."""

@@ -107,6 +107,25 @@ class NavigationGrid:
         centres: Float[ndarray, "n 2"] = self.lower_m + (ij + 0.5) * self.size_m
         return centres
 
+    def cells_within(
+        self, flags: Bool[ndarray, "nx ny"], point_m: Float[ndarray, " 2"], radius_m: float
+    ) -> Int[ndarray, " n"]:
+        """Flagged cells (flat, ascending) with centres at most so far from a point."""
+        cells = self.cells_between(flags, point_m - radius_m, point_m + radius_m)
+        away = self.centres_m(cells) - point_m
+        return cells[away[:, 0] ** 2 + away[:, 1] ** 2 <= radius_m**2]
+
+    def cells_between(
+        self, flags: Bool[ndarray, "nx ny"], low_m: Float[ndarray, " 2"], high_m: Float[ndarray, " 2"]
+    ) -> Int[ndarray, " n"]:
+        """Flagged cells (flat, ascending) with centres in the rectangle `low_m <= centre < high_m`, or a
+        little outside."""
+        first = np.maximum(np.floor((low_m - self.lower_m) / self.size_m).astype(np.int64), 0)
+        last = np.maximum(np.floor((high_m - self.lower_m) / self.size_m).astype(np.int64) + 1, 0)
+        i, j = np.nonzero(flags[first[0] : last[0], first[1] : last[1]])
+        cells: Int[ndarray, " n"] = (i + first[0]) * self.shape[1] + j + first[1]
+        return cells
+
     def check_segments(
         self, starts_m: Float[ndarray, "n 2"], ends_m: Float[ndarray, "n 2"]
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
@@ -121,6 +140,27 @@ class NavigationGrid:
             self.clearance_cap_m / self.size_m,
         )
         return least * self.size_m, cost * self.size_m
+
+    def changed_along(
+        self,
+        before: NavigationGrid,
+        starts_m: Float[ndarray, "n 2"],
+        ends_m: Float[ndarray, "n 2"],
+    ) -> Bool[ndarray, " n"]:
+        """Segments whose clearance or cost may not be what they were on an earlier grid."""
+        if before.shape != self.shape or np.any(before.lower_m != self.lower_m):
+            return np.ones(len(starts_m), bool)
+        changed = (self.blocked != before.blocked) | (self.soft_cost != before.soft_cost)
+        i, j = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+        if not len(i):
+            return np.zeros(len(starts_m), bool)
+        # What is blocked bears on the clearance of segments up to the cap away.
+        low = self.lower_m + np.array([i[0], j[0]]) * self.size_m - self.clearance_cap_m - self.size_m
+        high = self.lower_m + np.array([i[-1], j[-1]]) * self.size_m + self.clearance_cap_m + 2 * self.size_m
+        along: Bool[ndarray, " n"] = np.all(
+            (np.minimum(starts_m, ends_m) <= high) & (np.maximum(starts_m, ends_m) >= low), axis=1
+        )
+        return along
 
     def straighten(self, points_m: Float[ndarray, "n 2"], cost_factor: float) -> Int32[ndarray, " n_kept"]:
         """Indices of a polyline's points that are left when straight lines replace runs of it.
@@ -240,7 +280,10 @@ def _cells_with(
 
 def _footprint(shape: tuple[int, ...], centre: Float[ndarray, " 2"], radius: float) -> Bool[ndarray, "nx ny"]:
     """Cells whose box meets the disc (all in cells)."""
-    dx = np.maximum(np.abs(np.arange(shape[0]) + 0.5 - centre[0]) - 0.5, 0.0)
-    dy = np.maximum(np.abs(np.arange(shape[1]) + 0.5 - centre[1]) - 0.5, 0.0)
-    inside: Bool[ndarray, "nx ny"] = np.hypot(dx[:, None], dy[None, :]) < radius - 1e-9
+    inside = np.zeros(shape, bool)
+    first = np.clip(np.floor(centre - radius).astype(int), 0, shape)
+    last = np.clip(np.floor(centre + radius).astype(int) + 1, 0, shape)
+    dx = np.maximum(np.abs(np.arange(first[0], last[0]) + 0.5 - centre[0]) - 0.5, 0.0)
+    dy = np.maximum(np.abs(np.arange(first[1], last[1]) + 0.5 - centre[1]) - 0.5, 0.0)
+    inside[first[0] : last[0], first[1] : last[1]] = np.hypot(dx[:, None], dy[None, :]) < radius - 1e-9
     return inside

@@ -40,11 +40,44 @@ class ReachField:
 
     def cells_to(self, cell: int) -> Int[ndarray, " n"]:
         """Flat cells from the robot's entry to `cell`, which must be reachable."""
-        parent = self.parent.ravel()
-        cells = [cell]
-        while parent[cells[-1]] != cells[-1]:
-            cells.append(int(parent[cells[-1]]))
-        return np.array(cells[::-1])
+        return _chain(self.parent.ravel(), cell)[::-1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridWays:
+    """Ways between every two of `n` places.
+
+    One search from all places at once finds them: whatever the number of places, it goes over the grid once.
+    The price is that the way between two places is the best one only as far as no third place is nearer to a
+    part of it than both of them; otherwise it may lead by way of such a place.
+    """
+
+    costs_m: Float[ndarray, "n n"]
+    """+inf where there is no way."""
+    _next: Int32[ndarray, "n n"]
+    """The place after the first on the way: they are neighbours."""
+    _crossings: Int32[ndarray, "n n"]
+    """The last flat cell, on the way between neighbours, that is nearest to the first of them."""
+    _parent: Int32[ndarray, " n_cells"]
+    """The flat cell before each cell, towards the place that it is nearest to."""
+
+    def cells_between(self, start: int, goal: int) -> Int[ndarray, " k"]:
+        """Flat cells of the way from one place to another; there must be one."""
+        pieces = [np.zeros(0, np.int64)]
+        while start != goal:
+            after = int(self._next[start, goal])
+            pieces.append(_chain(self._parent, int(self._crossings[start, after]))[::-1])
+            pieces.append(_chain(self._parent, int(self._crossings[after, start])))
+            start = after
+        return np.concatenate(pieces)
+
+
+def _chain(parent: Int32[ndarray, " n_cells"], cell: int) -> Int[ndarray, " n"]:
+    """From a cell to the root of its tree, both included."""
+    cells = [cell]
+    while (before := int(parent[cells[-1]])) != cells[-1]:
+        cells.append(before)
+    return np.array(cells)
 
 
 def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachField:
@@ -58,10 +91,9 @@ def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachF
     allowed = min(grid.radius_m, here) - 1e-6
     seeds: Int[ndarray, " n"] = np.zeros(0, np.int64)
     costs: Float[ndarray, " n"] = np.zeros(0)
-    passable = np.flatnonzero(grid.passable.ravel())
-    away = np.linalg.norm(grid.centres_m(passable) - robot_xy_m, axis=1)
+    passable = grid.passable
     for radius in ENTRY_RADII_M:
-        near = passable[away <= radius]
+        near = grid.cells_within(passable, robot_xy_m, radius)
         clear, cost = grid.check_segments(np.tile(robot_xy_m, (len(near), 1)), grid.centres_m(near))
         seeds, costs = near[clear >= allowed], cost[clear >= allowed]
         if len(seeds):
@@ -87,11 +119,24 @@ def shortest_path(grid: NavigationGrid, start: int, goal: int) -> Float[ndarray,
     return smooth(grid, grid.centres_m(cells)) if len(cells) else None
 
 
+def ways_between(grid: NavigationGrid, cells: Int[ndarray, " n"]) -> GridWays:
+    """Ways between every two cells, by one search over the grid."""
+    costs, after, crossings, parent = kernels.grid_ways(grid.cost, cells.astype(np.int32))
+    return GridWays(costs_m=costs * grid.size_m, _next=after, _crossings=crossings, _parent=parent)
+
+
 def pairwise_costs(grid: NavigationGrid, cells: Int[ndarray, " n"]) -> Float[ndarray, "n n"]:
     """Path costs [m] between every two cells; +inf where there is no way."""
     if not len(cells):
         return np.zeros((0, 0))
     return kernels.grid_pairwise(grid.cost, cells.astype(np.int32)) * grid.size_m
+
+
+def without_straights(points_m: Float[ndarray, "n 2"]) -> Float[ndarray, "m 2"]:
+    """A path over cells without the points at which it goes straight on."""
+    steps = np.round(np.diff(points_m, axis=0), 6)
+    turns = np.any(np.diff(steps, axis=0) != 0.0, axis=1)
+    return points_m[np.concatenate([[True], turns, [True]])] if len(points_m) > 2 else points_m
 
 
 def smooth(grid: NavigationGrid, points_m: Float[ndarray, "n 2"]) -> Float[ndarray, "m 2"]:

@@ -1,8 +1,8 @@
 """A sparse random roadmap, grown along the travelled path (HGS-Planner section III-D, after TARE).
 
-Nodes are never moved or dropped; every edge between near nodes is checked against the current grid each
-cycle, so an edge that became blocked is not used, and one that was blocked for want of observation comes into
-use later.
+Nodes are never moved or dropped; every edge between near nodes is checked whenever the grid changed near it,
+so an edge that became blocked is not used, and one that was blocked for want of observation comes into use
+later.
 """
 
 from __future__ import annotations
@@ -64,15 +64,15 @@ class Roadmap:
         self.edges: Int[ndarray, "m 2"] = np.zeros((0, 2), np.int64)
         self._usable: Bool[ndarray, " m"] = np.zeros(0, dtype=bool)
         self._costs: Float[ndarray, " m"] = np.zeros(0)
+        self._checked_on: NavigationGrid | None = None
+        """The grid that usability and costs of the edges hold for."""
 
     def grow(self, grid: NavigationGrid, reach: ReachField, rng: np.random.Generator) -> None:
         """Add the robot's place and random reachable places around it; check all edges against `grid`."""
         robot = reach.origin_m
         spacing = self.config.node_spacing_m
         places = [robot[None]] if self._nearest_m(robot) >= spacing else []
-        cells = np.flatnonzero(reach.reachable.ravel())
-        centres = grid.centres_m(cells)
-        near = centres[np.linalg.norm(centres - robot, axis=1) <= self.config.growth_radius_m]
+        near = grid.centres_m(grid.cells_within(reach.reachable, robot, self.config.growth_radius_m))
         taken = np.concatenate([self.nodes_m, *places])
         near_taken = taken[np.linalg.norm(taken - robot, axis=1) <= self.config.growth_radius_m + spacing]
         chosen = poisson_disk(near, spacing, rng, taken_m=near_taken, limit=self.config.nodes_per_cycle)
@@ -93,9 +93,18 @@ class Roadmap:
         self.edges = np.concatenate([self.edges, np.stack([new[rows], columns], axis=1)])
 
     def _check_edges(self, grid: NavigationGrid) -> None:
-        clear, cost = grid.check_segments(self.nodes_m[self.edges[:, 0]], self.nodes_m[self.edges[:, 1]])
-        self._usable = clear >= grid.radius_m - 1e-6
-        self._costs = cost
+        """Bring usability and costs up to `grid`: of new edges, and of those where it has changed."""
+        n_known = len(self._usable)
+        starts, ends = self.nodes_m[self.edges[:, 0]], self.nodes_m[self.edges[:, 1]]
+        stale = np.ones(len(self.edges), bool)
+        if self._checked_on is not None:
+            stale[:n_known] = grid.changed_along(self._checked_on, starts[:n_known], ends[:n_known])
+        n_new = len(self.edges) - n_known
+        self._usable = np.concatenate([self._usable, np.zeros(n_new, bool)])
+        self._costs = np.concatenate([self._costs, np.zeros(n_new)])
+        clear, self._costs[stale] = grid.check_segments(starts[stale], ends[stale])
+        self._usable[stale] = clear >= grid.radius_m - 1e-6
+        self._checked_on = grid
 
     def _joined(
         self, grid: NavigationGrid, terminals_m: Float[ndarray, "t 2"]
@@ -133,5 +142,6 @@ class Roadmap:
     def restore(self, state: dict[str, Any]) -> None:
         self.nodes_m = np.array(state["nodes_m"])
         self.edges = np.array(state["edges"])
-        self._usable = np.zeros(len(self.edges), dtype=bool)
-        self._costs = np.zeros(len(self.edges))
+        self._usable = np.zeros(0, dtype=bool)
+        self._costs = np.zeros(0)
+        self._checked_on = None

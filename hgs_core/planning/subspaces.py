@@ -9,19 +9,20 @@ or, when it was exhausted, the robot can now stand in many more places near it.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.geometry.boxes import Box
 from hgs_core.planning.plan import Subspace, SubspaceState, UnseenReason
-from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+from hgs_core.voxels.voxel_map import VoxelMap
 
 Key = tuple[int, int]
 
@@ -52,6 +53,15 @@ class SubspaceRecord:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class MissingInCuboid:
+    """Missing voxels of one cuboid."""
+
+    volume_m3: float
+    middle_m: Float[ndarray, " 2"]
+    """Their mean place on the floor plane."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MissingColumns:
     """Missing voxels summed over height: one entry a column that has any."""
 
@@ -59,17 +69,23 @@ class MissingColumns:
     volume_m3: Float[ndarray, " n"]
     keys: Int[ndarray, "n 2"]
 
-    def of(self, key: Key) -> Int[ndarray, " k"]:
-        """Indices of the columns in one cuboid."""
-        return self._rows_by_key.get(key, np.zeros(0, np.int64))
+    def gathered(self, counted: Bool[ndarray, " n"]) -> dict[Key, MissingInCuboid]:
+        """What the counted columns of each cuboid amount to; cuboids without any are left out."""
+        rows = self._order[counted[self._order]]
+        keys, volume = self.keys[rows], self.volume_m3[rows]
+        starts = np.flatnonzero(np.any(np.diff(keys, axis=0, prepend=keys[:1] - 1) != 0, axis=1))
+        if not len(starts):
+            return {}
+        volumes = np.add.reduceat(volume, starts)
+        middles = np.add.reduceat(self.xy_m[rows] * volume[:, None], starts) / volumes[:, None]
+        return {
+            (i, j): MissingInCuboid(volume_m3=of_key, middle_m=middle)
+            for (i, j), of_key, middle in zip(keys[starts].tolist(), volumes.tolist(), middles, strict=True)
+        }
 
     @cached_property
-    def _rows_by_key(self) -> dict[Key, Int[ndarray, " k"]]:
-        order = np.lexsort((self.keys[:, 1], self.keys[:, 0]))
-        ordered = self.keys[order]
-        starts = np.flatnonzero(np.any(np.diff(ordered, axis=0, prepend=ordered[:1] - 1) != 0, axis=1))
-        rows = np.split(order, starts[1:]) if len(starts) else []
-        return {(int(i), int(j)): of_key for (i, j), of_key in zip(ordered[starts], rows, strict=True)}
+    def _order(self) -> Int[ndarray, " n"]:
+        return np.lexsort((self.keys[:, 1], self.keys[:, 0]))
 
 
 class SubspacePartition:
@@ -80,32 +96,42 @@ class SubspacePartition:
         self.origin_m = origin_m
         self.records: dict[Key, SubspaceRecord] = {}
         self._height_m = (0.0, 0.0)
+        self._seen_until_version = -1
+        """The voxel map's version up to which cuboids have been looked at for a first observation."""
 
     def update(self, voxels: VoxelMap) -> MissingColumns:
         """Bring all states up to the voxel map; returns where voxels are missing."""
         size = voxels.config.size_m
         lower = np.asarray(voxels.lower_m(), dtype=np.float64)
         self._height_m = (float(lower[2]), float(lower[2] + voxels.states.shape[2] * size))
-        missing = voxels.missing_in_columns()
-        nx, ny, nz = voxels.states.shape
-        observed = voxels.count_in_columns((0, 0, 0), (nx, ny, nz))[..., VoxelState.UNOBSERVED] < nz
+        nx, ny, _ = voxels.states.shape
         column_x = self._index(lower[0] + (np.arange(nx) + 0.5) * size, 0)
         column_y = self._index(lower[1] + (np.arange(ny) + 0.5) * size, 1)
-        first_x, first_y = int(column_x[0]), int(column_y[0])
-        wide = int(column_y[-1]) - first_y + 1
-        flat = ((column_x - first_x)[:, None] * wide + (column_y - first_y)[None, :]).ravel()
-        n = (int(column_x[-1]) - first_x + 1) * wide
-        volume = np.bincount(flat, weights=missing.ravel(), minlength=n) * size**3
-        seen = np.bincount(flat, weights=observed.ravel(), minlength=n) > 0
-        for index in range(n):
-            key = (first_x + index // wide, first_y + index % wide)
-            self._advance(key, float(volume[index]), bool(seen[index]))
-        ij = np.argwhere(missing)
-        return MissingColumns(
-            xy_m=lower[:2] + (ij + 0.5) * size,
-            volume_m3=missing[missing > 0] * size**3,
-            keys=np.stack([column_x[ij[:, 0]], column_y[ij[:, 1]]], axis=1),
+        keys_x, first_i = np.unique(column_x, return_index=True)
+        keys_y, first_j = np.unique(column_y, return_index=True)
+        in_columns = voxels.missing_in_columns()
+        ij = np.argwhere(in_columns)
+        n_missing = in_columns[ij[:, 0], ij[:, 1]]
+        keys = np.stack([column_x[ij[:, 0]], column_y[ij[:, 1]]], axis=1)
+        flat = (keys[:, 0] - keys_x[0]) * len(keys_y) + keys[:, 1] - keys_y[0]
+        volume = np.bincount(flat, weights=n_missing, minlength=len(keys_x) * len(keys_y)) * size**3
+        changed = voxels.changed_columns(self._seen_until_version)
+        self._seen_until_version = voxels.version
+        columns_i = list(zip(first_i.tolist(), [*first_i[1:].tolist(), nx], strict=True))
+        columns_j = list(zip(first_j.tolist(), [*first_j[1:].tolist(), ny], strict=True))
+        cuboids = itertools.product(
+            zip(keys_x.tolist(), columns_i, strict=True), zip(keys_y.tolist(), columns_j, strict=True)
         )
+        for ((key_x, (i0, i1)), (key_y, (j0, j1))), missing_m3 in zip(cuboids, volume.tolist(), strict=True):
+            record = self.records.setdefault(
+                (key_x, key_y),
+                SubspaceRecord(state=SubspaceState.UNRECONSTRUCTED, missing_volume_m3=0.0),
+            )
+            seen = record.state is not SubspaceState.UNRECONSTRUCTED or (
+                _overlaps(changed, (i0, j0), (i1, j1)) and bool(voxels.states[i0:i1, j0:j1].any())
+            )
+            self._advance(record, missing_m3, seen)
+        return MissingColumns(xy_m=lower[:2] + (ij + 0.5) * size, volume_m3=n_missing * size**3, keys=keys)
 
     def exhaust(self, key: Key, reason: UnseenReason, *, places: int) -> None:
         """Close a cuboid whose missing voxels cannot be gained."""
@@ -174,14 +200,12 @@ class SubspacePartition:
                 exhausted=None if reason is None else UnseenReason(reason),
                 places_at_close=int(entry["places_at_close"]),
             )
+        self._seen_until_version = -1
 
     def _index(self, coordinate_m: Float[ndarray, " n"], axis: int) -> Int[ndarray, " n"]:
         return np.floor((coordinate_m - self.origin_m[axis]) / self.config.edge_m).astype(np.int64)
 
-    def _advance(self, key: Key, missing_m3: float, seen: bool) -> None:
-        record = self.records.setdefault(
-            key, SubspaceRecord(state=SubspaceState.UNRECONSTRUCTED, missing_volume_m3=0.0)
-        )
+    def _advance(self, record: SubspaceRecord, missing_m3: float, seen: bool) -> None:
         record.missing_volume_m3 = missing_m3
         if record.state is SubspaceState.UNRECONSTRUCTED:
             if seen and missing_m3 >= self.config.done_volume_m3:
@@ -206,6 +230,15 @@ class SubspacePartition:
         record.state = SubspaceState.RECONSTRUCTED
         record.exhausted = None
         record.least_missing_m3 = record.missing_volume_m3
+
+
+def _overlaps(
+    box: tuple[tuple[int, int], tuple[int, int]] | None, low: tuple[int, int], high: tuple[int, int]
+) -> bool:
+    """Whether two boxes of columns share any."""
+    return box is not None and all(
+        a < d and c < b for (a, b), c, d in zip(zip(*box, strict=True), low, high, strict=True)
+    )
 
 
 def horizon_around(xy_m: Float[ndarray, " 2"], edge_m: float, voxels: VoxelMap) -> Box:

@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Int32, UInt8
+from jaxtyping import Bool, Float, Float32, Int, Int32, Int64, UInt8
 from numpy import ndarray
 from pydantic import Field
 
@@ -22,6 +22,10 @@ GROWTH_STEP: Final = np.array([64, 64, 16])
 
 MAX_VOXELS: Final = 1_000_000_000
 """A map that would grow beyond this is a sign of broken poses, not of a large building."""
+
+
+CHUNK: Final[int] = kernels.VOXEL_CHUNK
+"""Edge of a chunk, in voxels: changes are kept account of by so many columns together."""
 
 
 class VoxelState(IntEnum):
@@ -69,13 +73,20 @@ class VoxelMap:
     log_odds: Float32[ndarray, "nx ny nz"]
     attempts: UInt8[ndarray, "nx ny nz"]
     """Looks in vain at each voxel (saturates at 255)."""
+    n_observed: int
+    """Voxels that are not unobserved any more."""
+    changed_at: Int64[ndarray, "n_chunks_x n_chunks_y"]
+    """The version at which any state or attempt of each chunk of columns last changed; 0: never."""
+    _missing: Bool[ndarray, "nx ny nz"]
+    _missing_in_columns: Int32[ndarray, "nx ny"]
+    _n_missing: int
+    _missing_version: int
+    """The version that these were last brought up to."""
 
     def __init__(self, config: VoxelConfig, *, region: Box | None = None) -> None:
         self.config = config
         self.version = 0
         self._fixed = region is not None
-        self._missing: Bool[ndarray, "nx ny nz"] | None = None
-        self._missing_version = -1
         if region is None:
             self._allocate(np.zeros(3, np.int64), np.zeros(3, np.int64))
         else:
@@ -89,6 +100,7 @@ class VoxelMap:
         0 does nothing. Each voxel is updated at most once a frame; a hit beats a pass."""
         self._integrate(frame_rays(frame, range_m=range_m, pixel_stride=self.config.pixel_stride))
         camera = frame.intrinsics
+        changed = self._no_chunks()
         kernels.count_attempts(
             self.states,
             self.attempts,
@@ -102,27 +114,43 @@ class VoxelMap:
             range_m,
             self.config.size_m,
             float(self.config.pixel_stride),
+            changed,
         )
         self.version += 1
+        self.changed_at[changed != 0] = self.version
 
     def integrate_scan(self, scan: Scan, *, range_m: float) -> None:
         """As `integrate_frame`, for the rays of a planar scan (`range_m` along the ray; no looks in vain)."""
         self._integrate(scan_rays(scan, range_m=range_m))
         self.version += 1
 
+    def note_change(self) -> None:
+        """To be called by whoever wrote to the arrays: anything may have changed."""
+        self.version += 1
+        self.changed_at[:] = self.version
+        self.n_observed = int(np.count_nonzero(self.states))
+
     def missing(self) -> Bool[ndarray, "nx ny nz"]:
-        """The missing voxels (cached by `version`)."""
-        if self._missing is None or self._missing_version != self.version:
-            self._missing = np.empty(self.states.shape, bool)
-            kernels.missing_voxels(
-                self.states,
-                self.attempts,
-                self.config.max_attempts,
-                self.config.min_missing_cluster,
-                self._missing,
-            )
-            self._missing_version = self.version
+        """The missing voxels. Valid until the next change of the map: renewed in place, where it changed."""
+        self._renew_missing()
         return self._missing
+
+    @property
+    def n_missing(self) -> int:
+        """How many voxels are missing."""
+        self._renew_missing()
+        return self._n_missing
+
+    def changed_columns(self, since_version: int) -> tuple[tuple[int, int], tuple[int, int]] | None:
+        """A box of columns, `low <= index < high`, that holds everything that changed after a version;
+        `None` when nothing did."""
+        chunks_i, chunks_j = np.nonzero(self.changed_at > since_version)
+        if not len(chunks_i):
+            return None
+        nx, ny, _ = self.states.shape
+        low = (int(chunks_i.min()) * CHUNK, int(chunks_j.min()) * CHUNK)
+        high = (int(chunks_i.max() + 1) * CHUNK, int(chunks_j.max() + 1) * CHUNK)
+        return low, (min(high[0], nx), min(high[1], ny))
 
     def count_in_columns(
         self, low: tuple[int, int, int], high: tuple[int, int, int]
@@ -133,11 +161,9 @@ class VoxelMap:
         return counts
 
     def missing_in_columns(self) -> Int32[ndarray, "nx ny"]:
-        """Missing voxels of each column."""
-        missing = self.missing()
-        counts = np.empty((*missing.shape[:2], 3), np.int32)
-        kernels.count_in_columns(missing.view(np.uint8), (0, 0, 0), missing.shape, counts)
-        return counts[..., 1]
+        """Missing voxels of each column. Valid as long as `missing()`."""
+        self._renew_missing()
+        return self._missing_in_columns
 
     def lower_m(self) -> Float[ndarray, " 3"]:
         """World position of the low corner of `states[0, 0, 0]`."""
@@ -186,8 +212,12 @@ class VoxelMap:
         restored = VoxelMap(VoxelConfig(**state["config"]))
         restored._fixed = state["fixed"]
         restored.version = state["version"]
-        for name in ("origin_index", "states", "log_odds", "attempts"):
+        shape = np.array(state["states"].shape)
+        restored._allocate(state["origin_index"].copy(), state["origin_index"] + shape)
+        for name in _VOXEL_ARRAYS:
             setattr(restored, name, state[name].copy())
+        restored.changed_at[:] = restored.version
+        restored.n_observed = int(np.count_nonzero(restored.states))
         return restored
 
     def _cells(self, points_m: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
@@ -200,7 +230,8 @@ class VoxelMap:
     def _integrate(self, rays: RayEnds) -> None:
         if not self._fixed:
             self._grow(rays)
-        kernels.integrate_rays(
+        changed = self._no_chunks()
+        self.n_observed += kernels.integrate_rays(
             self.states,
             self.log_odds,
             self._cells(rays.origin_m),
@@ -209,7 +240,26 @@ class VoxelMap:
             self.config.log_odds_hit,
             self.config.log_odds_miss,
             *self.config.log_odds_limits,
+            changed,
         )
+        self.changed_at[changed != 0] = self.version + 1
+
+    def _no_chunks(self) -> UInt8[ndarray, "n_chunks_x n_chunks_y"]:
+        return np.zeros(self.changed_at.shape, np.uint8)
+
+    def _renew_missing(self) -> None:
+        box = self.changed_columns(self._missing_version)
+        if box is not None:
+            self._n_missing += kernels.renew_missing(
+                self.states,
+                self.attempts,
+                self.config.max_attempts,
+                self.config.min_missing_cluster,
+                *box,
+                self._missing,
+                self._missing_in_columns,
+            )
+        self._missing_version = self.version
 
     def _allocate(self, lower: Int[ndarray, " 3"], upper: Int[ndarray, " 3"]) -> None:
         shape = tuple(int(n) for n in upper - lower)
@@ -222,6 +272,12 @@ class VoxelMap:
         self.states = np.zeros(shape, np.uint8)
         self.log_odds = np.zeros(shape, np.float32)
         self.attempts = np.zeros(shape, np.uint8)
+        self.n_observed = 0
+        self.changed_at = np.zeros((-(-shape[0] // CHUNK), -(-shape[1] // CHUNK)), np.int64)
+        self._missing = np.zeros(shape, bool)
+        self._missing_in_columns = np.zeros(shape[:2], np.int32)
+        self._n_missing = 0
+        self._missing_version = -1
 
     def _grow(self, rays: RayEnds) -> None:
         """Make room for the rays; what is known moves along."""
@@ -236,8 +292,11 @@ class VoxelMap:
             return
         lower = np.minimum(old_lower, lowest // GROWTH_STEP * GROWTH_STEP)
         upper = np.maximum(old_upper, -(-highest // GROWTH_STEP) * GROWTH_STEP)
-        kept = {name: getattr(self, name) for name in ("states", "log_odds", "attempts")}
+        kept = {name: getattr(self, name) for name in _VOXEL_ARRAYS}
+        n_observed = self.n_observed
         self._allocate(lower, upper)
+        self.n_observed = n_observed
+        self.changed_at[:] = self.version + 1
         if kept["states"].size == 0:
             return
         place = tuple(
@@ -245,3 +304,6 @@ class VoxelMap:
         )
         for name, array in kept.items():
             getattr(self, name)[place] = array
+
+
+_VOXEL_ARRAYS: Final = ("states", "log_odds", "attempts")

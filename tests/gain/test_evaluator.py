@@ -247,7 +247,7 @@ def test_a_changed_map_is_read_again() -> None:
     one, position = evaluator(), np.array([[1.5, 2.0, 1.2]])
     before = one.evaluate(snapshot_of(voxels), position, observed_share=0.0)
     voxels.states[voxels.states == VoxelState.UNOBSERVED] = VoxelState.FREE
-    voxels.version += 1
+    voxels.note_change()
     after = one.evaluate(snapshot_of(voxels), position, observed_share=0.0)
     assert before.coverage[0] > 0
     assert after.coverage[0] == 0

@@ -93,7 +93,7 @@ def test_each_ray_scores_what_its_pixel_scores() -> None:
             yaw_rad, _ = naive.directions(grid, row, azimuth)
             pose = level_camera_pose(*position.tolist(), yaw_rad)
             # Rows of a panorama go up, those of an image down.
-            image = quality_image(gaussians, column, pose, PRIOR, range_m=3.0)
+            image = quality_image(gaussians, column, pose, PRIOR, far_m=3.0)
             expected[row, azimuth] = image[rows - 1 - row, 0]
     np.testing.assert_allclose(scores[0].sum(axis=-1), expected, rtol=2e-3, atol=1e-4 * expected.max())
     assert np.all(scores >= 0)

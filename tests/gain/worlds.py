@@ -26,7 +26,7 @@ def closed_room(size_m: tuple[float, float, float] = (4.0, 4.0, 2.5), *, margin:
     voxels.states[inner] = VoxelState.OCCUPIED
     inside = (slice(margin + 1, -margin - 1),) * 2 + (slice(3, -3),)
     voxels.states[inside] = VoxelState.FREE
-    voxels.version += 1
+    voxels.note_change()
     return voxels
 
 

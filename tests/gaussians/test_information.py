@@ -47,6 +47,17 @@ def test_view_information_is_the_squared_jacobian_summed() -> None:
     assert not gaussians.information.any()
 
 
+def test_what_lies_beyond_the_far_limit_gains_nothing() -> None:
+    gaussians = scene()
+    depths = POSE.inverse().apply(gaussians.centres_m.astype(np.float64))[:, 2]
+    accumulate_information(gaussians, CAMERA, POSE, far_m=2.0)
+    assert (gaussians.information[: gaussians.size][depths > 2.0] == 0).all()
+    near = GaussianMap()
+    near.append(gaussians.parameters[: gaussians.size][depths < 2.0], anchor_keyframe=0)
+    expected = view_information(near, CAMERA, POSE)
+    np.testing.assert_allclose(gaussians.information[: gaussians.size][depths < 2.0], expected, rtol=1e-5)
+
+
 def test_quality_image_is_the_pixelwise_gain() -> None:
     gaussians = scene()
     rng = np.random.default_rng(0)
@@ -83,7 +94,7 @@ def test_what_lies_beyond_the_range_gains_nothing() -> None:
     only_near = GaussianMap()
     only_near.append(near.copy(), anchor_keyframe=0)
     np.testing.assert_array_equal(
-        quality_image(gaussians, CAMERA, POSE, 0.1, range_m=middle_m),
+        quality_image(gaussians, CAMERA, POSE, 0.1, far_m=middle_m),
         quality_image(only_near, CAMERA, POSE, 0.1),
     )
 

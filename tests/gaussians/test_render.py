@@ -61,6 +61,19 @@ def test_native_draws_what_the_reference_draws(n: int, low_pass_px2: float) -> N
     assert reference.silhouette.max() > 0.1 or n == 1
 
 
+@pytest.mark.parametrize("backend", ["native", "torch"])
+@pytest.mark.parametrize("far_m", [0.0, 1.0, 2.5, 9.0])
+def test_a_far_limit_leaves_out_what_is_beyond_it(far_m: float, backend: str) -> None:
+    gaussians = scene(700, seed=3)
+    depths = POSE.inverse().apply(gaussians.centres_m.astype(np.float64))[:, 2]
+    near = GaussianMap()
+    near.append(gaussians.parameters[: gaussians.size][depths < far_m], anchor_keyframe=0)
+    limited = render(gaussians, CAMERA, POSE, far_m=far_m, backend=backend)
+    without = render(near, CAMERA, POSE, backend=backend)
+    np.testing.assert_allclose(limited.colour_sum, without.colour_sum, atol=1e-6)
+    np.testing.assert_allclose(limited.silhouette, without.silhouette, atol=1e-6)
+
+
 @pytest.mark.parametrize(("n", "low_pass_px2"), [(40, 0.3), (300, 0.3), (700, 0.3), (300, 0.075)])
 def test_native_gradient_is_autograds(n: int, low_pass_px2: float) -> None:
     gaussians, camera = scene(n, seed=n), replace(CAMERA, low_pass_px2=low_pass_px2)

@@ -42,6 +42,25 @@ def test_overlap_is_whole_with_itself_and_none_behind(tmp_path: Path) -> None:
     assert overlap[1] == 0.0
 
 
+def test_overlap_is_the_share_of_probes_in_view_wherever_the_keyframes_are(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    store = KeyframeStore(tmp_path)
+    images = [
+        image_at(x, yaw) for x, yaw in zip(rng.uniform(-25, 25, 60), rng.uniform(-3, 3, 60), strict=True)
+    ]
+    for image in images:
+        store.add(image)
+    probe = image_at(0.0, 0.4)
+    together = store.overlap(probe, range_m=5.0)
+    for k, image in enumerate(images):
+        alone = KeyframeStore(tmp_path / f"{k}")
+        alone.add(image)
+        # Where it stands as well, nobody is too far to be looked at.
+        alone.add(probe)
+        assert together[k] == alone.overlap(probe, range_m=5.0)[0]
+    assert 0 < np.count_nonzero(together) < 30
+
+
 def test_state_is_enough_to_go_on(tmp_path: Path) -> None:
     store = KeyframeStore(tmp_path)
     for x in (0.0, 0.5, 1.0):

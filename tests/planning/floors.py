@@ -25,7 +25,7 @@ def room(nx: int, ny: int) -> VoxelMap:
     voxels.states[[0, -1]] = VoxelState.OCCUPIED
     voxels.states[:, [0, -1]] = VoxelState.OCCUPIED
     voxels.states[:, :, 0] = VoxelState.OCCUPIED
-    voxels.version += 1
+    voxels.note_change()
     return voxels
 
 

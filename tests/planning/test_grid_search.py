@@ -9,6 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from hgs_core.errors import PlanningError
 from hgs_core.native import kernels
+from hgs_core.planning.path_search import GridWays
 from hgs_core.planning.tours import open_tour
 
 costs = arrays(
@@ -71,6 +72,55 @@ def test_pairwise_costs_are_those_of_single_searches(cost: np.ndarray, seed: int
     for a, cell in enumerate(cells):
         single, _ = kernels.grid_dijkstra(cost, np.array([cell], np.int32), np.zeros(1))
         np.testing.assert_allclose(between[a], single.ravel()[cells])
+
+
+def path_cost(cost: np.ndarray, cells: np.ndarray) -> float:
+    """Of a path of neighbouring cells; refuses what is no path."""
+    places = np.stack(np.unravel_index(cells, cost.shape), axis=1)
+    total = 0.0
+    for a, b in pairwise(places):
+        assert max(abs(b - a)) == 1
+        assert np.isfinite(cost[a[0], b[1]])
+        assert np.isfinite(cost[b[0], a[1]])
+        total += float(np.hypot(*(b - a))) * 0.5 * (float(cost[tuple(a)]) + float(cost[tuple(b)]))
+    return total
+
+
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 9), walls=st.floats(0.0, 0.5))
+def test_ways_between_all_cells_are_drivable_and_exact_to_the_nearest(
+    seed: int, n: int, walls: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    cost = rng.uniform(1.0, 5.0, (14, 11)).astype(np.float32)
+    cost[rng.random(cost.shape) < walls] = np.inf
+    cells = rng.integers(0, cost.size, n).astype(np.int32)
+    exact = kernels.grid_pairwise(cost, cells)
+    costs, after, crossings, parent = kernels.grid_ways(cost, cells)
+    ways = GridWays(costs_m=costs, _next=after, _crossings=crossings, _parent=parent)
+    np.testing.assert_array_equal(np.isfinite(costs), np.isfinite(exact))
+    finite = np.isfinite(exact)
+    assert (costs[finite] >= exact[finite] - 1e-9).all()
+    for a in range(n):
+        others = [b for b in range(n) if finite[a, b] and cells[b] != cells[a]]
+        if others:
+            nearest = min(others, key=lambda b: exact[a, b])
+            assert costs[a, nearest] == pytest.approx(exact[a, nearest])
+        for b in others:
+            path = ways.cells_between(a, b)
+            assert (path[0], path[-1]) == (cells[a], cells[b])
+            distinct = path[np.concatenate([[True], np.diff(path) != 0])]
+            assert path_cost(cost, distinct) == pytest.approx(costs[a, b])
+
+
+@given(seed=st.integers(0, 10**6), radius=st.floats(0.0, 9.0))
+def test_flags_in_discs_are_counted(seed: int, radius: float) -> None:
+    rng = np.random.default_rng(seed)
+    flags = rng.random((13, 17)) < 0.5
+    points = rng.uniform(-4, 20, (6, 2))
+    centres = np.argwhere(flags) + 0.5
+    away = np.linalg.norm(centres[None] - points[:, None], axis=2)
+    counts = kernels.grid_count_in_discs(flags.view(np.uint8), points, radius)
+    np.testing.assert_array_equal(counts, (away <= radius).sum(axis=1))
 
 
 def test_no_corner_is_cut() -> None:

@@ -135,7 +135,7 @@ def test_an_empty_map_is_an_error() -> None:
 def half_seen_room() -> VoxelMap:
     voxels = room(60, 40)
     voxels.states[45:59, 1:39, 1:] = VoxelState.UNOBSERVED
-    voxels.version += 1
+    voxels.note_change()
     return voxels
 
 
@@ -152,7 +152,7 @@ def test_a_blocked_path_is_reported_and_a_clear_one_is_not() -> None:
     passed = int(np.flatnonzero(np.isfinite(plan.path.yaws_rad[: moving[0]]))[-1:].sum()) + 1
     robot.x_m, robot.y_m = (float(v) for v in before)
     robot.voxels.states[i, j, 1:5] = VoxelState.OCCUPIED
-    robot.voxels.version += 1
+    robot.voxels.note_change()
     reason = planner.should_replan(robot.snapshot, robot.state, plan, min(passed, int(moving[0])))
     assert reason is not None
     assert reason.startswith("blocked")
@@ -163,7 +163,7 @@ def test_a_view_that_lost_its_gain_is_reported_once_a_second() -> None:
     plan = planner.plan(robot.snapshot, robot.state, np.random.default_rng(0))
     assert isinstance(plan, Plan)
     robot.voxels.states[45:59, 1:39, 1:] = VoxelState.FREE
-    robot.voxels.version += 1
+    robot.voxels.note_change()
     assert planner.should_replan(robot.snapshot, robot.state, plan, 0) is None  # looked at just now
     robot.time_s += 1.0
     reason = planner.should_replan(robot.snapshot, robot.state, plan, 0)

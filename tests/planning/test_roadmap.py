@@ -92,3 +92,28 @@ def test_samples_are_spread_maximal_and_prefer_the_preferred() -> None:
     first = poisson_disk(points, 1.5, np.random.default_rng(1), preferred=left, limit=2)
     assert left[first].all()
     assert len(poisson_disk(np.zeros((0, 2)), 1.5, np.random.default_rng(1))) == 0
+
+
+def test_edges_are_checked_again_where_the_grid_changed_and_only_there() -> None:
+    voxels = divided_room()
+    roadmap = grown(voxels)
+    before = grid_of(voxels, at=(6.5, 2.55))
+    roadmap.grow(before, reach_from(before, np.array([6.5, 2.55])), np.random.default_rng(1))
+    voxels.states[60:66, 30:33, 1:8] = VoxelState.OCCUPIED
+    voxels.note_change()
+    after = grid_of(voxels, at=(6.5, 2.55))
+    starts, ends = roadmap.nodes_m[roadmap.edges[:, 0]], roadmap.nodes_m[roadmap.edges[:, 1]]
+    changed = after.changed_along(before, starts, ends)
+    for old, new in zip(before.check_segments(starts, ends), after.check_segments(starts, ends), strict=True):
+        assert np.any(old != new)
+        assert not np.any((old != new) & ~changed)
+    assert np.mean(changed) < 0.5
+
+    kept, anew = Roadmap(roadmap.config), Roadmap(roadmap.config)
+    kept.restore(roadmap.state())
+    anew.restore(roadmap.state())
+    for grids, renewed in (((before, after), kept), ((after,), anew)):
+        for grid in grids:
+            renewed.grow(grid, reach_from(grid, np.array([1.05, 2.55])), np.random.default_rng(2))
+    np.testing.assert_array_equal(kept.nodes_m, anew.nodes_m)
+    np.testing.assert_array_equal(kept.routes(after, ENDS).costs_m, anew.routes(after, ENDS).costs_m)

@@ -20,7 +20,7 @@ def hole(voxels: VoxelMap, n: int, *, i: int = 10) -> VoxelMap:
     voxels.states[5 : 5 + n % 10, i, 5 + n // 10] = VoxelState.UNOBSERVED
     for k in range(n // 10):
         voxels.states[5:15, i, 5 + k] = VoxelState.UNOBSERVED
-    voxels.version += 1
+    voxels.note_change()
     return voxels
 
 
@@ -29,7 +29,7 @@ def test_states_follow_what_has_been_observed() -> None:
     voxels.states[0:30] = VoxelState.FREE
     voxels.states[30:45, :, :] = VoxelState.FREE
     voxels.states[29] = VoxelState.OCCUPIED
-    voxels.version += 1
+    voxels.note_change()
     parts = partition()
     missing = parts.update(voxels)
     assert parts.records[0, 0].state is SubspaceState.RECONSTRUCTED
@@ -82,7 +82,7 @@ def test_every_unseen_cluster_has_a_reason() -> None:
     voxels.states[40:44, 10:16, 5:9] = VoxelState.UNOBSERVED  # in the second, dismissed
     voxels.attempts[40:44, 10:16, 5:9] = 3
     voxels.states[59, 5:20, 1:12] = VoxelState.FREE  # an opening in the border
-    voxels.version += 1
+    voxels.note_change()
     parts.update(voxels)
     parts.exhaust((0, 0), UnseenReason.UNREACHABLE, places=0)
     places = np.array([[4.0, 1.0]])

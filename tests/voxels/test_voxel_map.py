@@ -4,6 +4,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
 
+import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
@@ -253,15 +254,52 @@ def test_the_inside_of_a_wall_is_never_missing() -> None:
     assert voxels.observed_share(Box(lower_m=np.zeros(3), upper_m=np.full(3, 2.0))) == 1.0
 
 
-def test_missing_is_cached_until_the_map_changes() -> None:
+def test_missing_is_renewed_where_the_map_changed() -> None:
+    rng = np.random.default_rng(5)
     voxels = VoxelMap(VoxelConfig())
-    pose = level_camera_pose(0, 0, 1, 0.0)
-    voxels.integrate_frame(frame_of(flat_wall(2.0), pose), range_m=5.0)
-    first = voxels.missing()
-    assert first.any()
-    assert voxels.missing() is first
-    voxels.integrate_frame(frame_of(flat_wall(2.0), pose), range_m=5.0)
-    assert voxels.missing() is not first
+    for k in range(12):
+        pose = tilted_pose(rng, np.array([0.4 * k, 0.2 * k, 1.0]))
+        depth = flat_wall(float(rng.uniform(0.5, 2.5)))
+        version = voxels.version
+        voxels.integrate_frame(frame_of(depth, pose), range_m=2.0)
+        anew = VoxelMap.restore(voxels.state())
+        assert voxels.changed_columns(version) is not None
+        np.testing.assert_array_equal(voxels.missing(), anew.missing())
+        np.testing.assert_array_equal(voxels.missing_in_columns(), anew.missing().sum(axis=2))
+        assert voxels.n_missing == anew.missing().sum()
+        assert voxels.n_observed == np.count_nonzero(voxels.states)
+    assert voxels.changed_columns(voxels.version) is None
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10**6), min_cluster=st.integers(1, 9), density=st.floats(0.3, 0.97))
+def test_missing_is_renewed_as_if_counted_anew(seed: int, min_cluster: int, density: float) -> None:
+    """After a change anywhere in a box, whatever clusters it joined, split or left too small."""
+    rng = np.random.default_rng(seed)
+    config = VoxelConfig(min_missing_cluster=min_cluster)
+    states = np.where(rng.random((40, 36, 3)) < density, VoxelState.OCCUPIED, VoxelState.UNOBSERVED)
+    states = np.where(rng.random(states.shape) < 0.3 * density, VoxelState.FREE, states).astype(np.uint8)
+    attempts = rng.integers(0, 4, states.shape, dtype=np.uint8)
+    missing, in_columns = np.zeros(states.shape, bool), np.zeros(states.shape[:2], np.int32)
+
+    def renew(low: tuple[int, int], high: tuple[int, int]) -> int:
+        return kernels.renew_missing(
+            states, attempts, config.max_attempts, min_cluster, low, high, missing, in_columns
+        )
+
+    total = renew((0, 0), states.shape[:2])
+    for _ in range(3):
+        low = tuple(rng.integers(0, (35, 31)).tolist())
+        high = tuple((low + rng.integers(1, 6, 2)).tolist())
+        box = (slice(low[0], high[0]), slice(low[1], high[1]))
+        states[box] = rng.integers(0, 3, states[box].shape)
+        before = missing.copy()
+        total += renew(low, high)
+        expected = naive.missing(config, states, attempts)
+        np.testing.assert_array_equal(missing, expected)
+        np.testing.assert_array_equal(in_columns, expected.sum(axis=2))
+        assert total == expected.sum()
+        event(f"changed: {np.any(missing != before)}")
 
 
 def test_observed_share_counts_observed_and_missing_voxels_of_the_box() -> None:
@@ -270,7 +308,7 @@ def test_observed_share_counts_observed_and_missing_voxels_of_the_box() -> None:
     )
     everywhere = Box(lower_m=np.full(3, -9.0), upper_m=np.full(3, 9.0))
     assert voxels.observed_share(everywhere) == 0.0
-    voxels.version += 1
+    voxels.note_change()
     voxels.states[:3] = VoxelState.FREE  # 30 observed, 10 missing beside them, 60 that nobody asks for
     assert voxels.observed_share(everywhere) == pytest.approx(30 / 40)
     half = Box(lower_m=np.array([0.2, 0.0, 0.0]), upper_m=np.array([0.4, 0.5, 0.1]))

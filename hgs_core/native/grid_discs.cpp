@@ -1,0 +1,27 @@
+// Cells of a grid counted in discs.
+#include <algorithm>
+#include <cmath>
+
+#include "grid_kernels.hpp"
+
+namespace hgs {
+
+void grid_count_in_discs(const uint8_t* flags, int nx, int ny, const double* points, int n_points, double radius,
+                         int64_t* counts) {
+  for (int p = 0; p < n_points; ++p) {
+    const double x = points[2 * p] - 0.5, y = points[2 * p + 1] - 0.5;  // of cell (0, 0)'s centre
+    const int i0 = std::max(0, static_cast<int>(std::ceil(x - radius)));
+    const int i1 = std::min(nx - 1, static_cast<int>(std::floor(x + radius)));
+    int64_t n = 0;
+    for (int i = i0; i <= i1; ++i) {
+      const double half = std::sqrt(std::max(0.0, radius * radius - (i - x) * (i - x)));
+      const int j0 = std::max(0, static_cast<int>(std::ceil(y - half)));
+      const int j1 = std::min(ny - 1, static_cast<int>(std::floor(y + half)));
+      const uint8_t* row = flags + static_cast<size_t>(i) * ny;
+      for (int j = j0; j <= j1; ++j) n += row[j] != 0;
+    }
+    counts[p] = n;
+  }
+}
+
+}  // namespace hgs
