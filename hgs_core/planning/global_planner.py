@@ -7,6 +7,7 @@ decides when a subspace is exhausted: when even a dense set of places near it ga
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -116,8 +117,15 @@ class GlobalPlanner:
         counts = cycle.count_places_within(
             _stacked([wanted[key].middle_m for key in open_keys]), self.config.view_radius_m
         )
-        for key, n_places in zip(open_keys, counts.tolist(), strict=True):
-            self._represent(key, wanted[key], n_places, cycle, rng, tour)
+        stale = [
+            key
+            for key, n_places in zip(open_keys, counts.tolist(), strict=True)
+            if not self._still_holds(key, wanted[key].volume_m3, n_places, cycle)
+        ]
+        self._represent({key: wanted[key] for key in stale}, cycle, rng, tour)
+        for key in open_keys:
+            if self.partition.records[key].state is SubspaceState.RECONSTRUCTING:
+                self._accept(key, cycle, tour)
         for key in [
             key
             for key in self._views
@@ -142,65 +150,85 @@ class GlobalPlanner:
 
     def _represent(
         self,
-        key: Key,
-        missing: MissingInCuboid,
-        n_places: int,
+        missing: dict[Key, MissingInCuboid],
         cycle: PlanningCycle,
         rng: np.random.Generator,
         tour: GlobalTour,
     ) -> None:
-        """Choose the subspace's view, or give the subspace up. `n_places`: how many are near its missing
-        voxels."""
-        known = self._views.get(key)
-        if known is not None and self._still_holds(known, missing.volume_m3, n_places):
-            cell = cycle.place_near(known.view.xy_m, cycle.grid.size_m)
-            if cell is not None:
-                self._accept(key, known.view.at_cell(cell), cycle, tour)
-                return
-        near = cycle.places_within(missing.middle_m, self.config.view_radius_m)
-        view = self._best(near, self.config.view_spacing_m, self.config.views_per_subspace, cycle, rng)
-        if view is None or view.total_gain < self._gain_threshold:
-            wide = cycle.places_within(missing.middle_m, self._camera_range_m)
-            denser = self.config.view_spacing_m / 2
-            again = self._best(wide, denser, self.config.dense_views_per_subspace, cycle, rng)
-            view = max((v for v in (view, again) if v is not None), key=lambda v: v.total_gain, default=None)
-            if view is None or view.total_gain < self._gain_threshold:
-                reason = UnseenReason.UNREACHABLE if view is None else UnseenReason.BELOW_THRESHOLD
-                self.partition.exhaust(key, reason, places=len(wide))
-                if view is None:
-                    tour.unreachable.append(missing.middle_m)
-                else:
-                    tour.rejected.append(view)
-                return
-        self._views[key] = SubspaceView(view=view, missing_volume_m3=missing.volume_m3, n_places=len(near))
-        self._accept(key, view, cycle, tour)
+        """Choose the views of some subspaces, or give them up: all are scored together, then, more densely,
+        those for which nothing was found."""
+        config, range_m = self.config, self._camera_range_m
+        near = [cycle.places_within(of_key.middle_m, config.view_radius_m) for of_key in missing.values()]
+        found = dict(
+            zip(
+                missing,
+                self._best(near, config.view_spacing_m, config.views_per_subspace, cycle, rng),
+                strict=True,
+            )
+        )
+        weak = [key for key, view in found.items() if not self._is_worth_a_stop(view)]
+        wide = [cycle.places_within(missing[key].middle_m, range_m) for key in weak]
+        denser = self._best(wide, config.view_spacing_m / 2, config.dense_views_per_subspace, cycle, rng)
+        for key, again, places in zip(weak, denser, wide, strict=True):
+            views = [view for view in (found[key], again) if view is not None]
+            found[key] = view = max(views, key=lambda v: v.total_gain, default=None)
+            if self._is_worth_a_stop(view):
+                continue
+            reason = UnseenReason.UNREACHABLE if view is None else UnseenReason.BELOW_THRESHOLD
+            self.partition.exhaust(key, reason, places=len(places))
+            if view is None:
+                tour.unreachable.append(missing[key].middle_m)
+            else:
+                tour.rejected.append(view)
+        for (key, of_key), places in zip(missing.items(), near, strict=True):
+            view = found[key]
+            if view is not None and self._is_worth_a_stop(view):
+                self._views[key] = SubspaceView(
+                    view=view, missing_volume_m3=of_key.volume_m3, n_places=len(places)
+                )
 
-    def _still_holds(self, known: SubspaceView, volume_m3: float, n_places: int) -> bool:
-        change = self.config.stale_change
-        return abs(volume_m3 - known.missing_volume_m3) <= change * known.missing_volume_m3 and abs(
-            n_places - known.n_places
-        ) <= max(change * known.n_places, 20)
+    def _is_worth_a_stop(self, view: View | None) -> bool:
+        return view is not None and view.total_gain >= self._gain_threshold
 
+    def _still_holds(self, key: Key, volume_m3: float, n_places: int, cycle: PlanningCycle) -> bool:
+        """Whether a subspace's view was chosen on much the same, and can still be taken."""
+        known, change = self._views.get(key), self.config.stale_change
+        return (
+            known is not None
+            and abs(volume_m3 - known.missing_volume_m3) <= change * known.missing_volume_m3
+            and abs(n_places - known.n_places) <= max(change * known.n_places, 20)
+            and cycle.place_near(known.view.xy_m, cycle.grid.size_m) is not None
+        )
+
+    @staticmethod
     def _best(
-        self,
-        candidates: Int[ndarray, " n"],
+        candidates: list[Int[ndarray, " _"]],
         spacing_m: float,
         limit: int,
         cycle: PlanningCycle,
         rng: np.random.Generator,
-    ) -> View | None:
-        chosen = poisson_disk(
-            cycle.grid.centres_m(candidates),
-            spacing_m,
-            rng,
-            preferred=cycle.is_roomy(candidates),
-            limit=limit,
-        )
-        views = cycle.score(candidates[chosen])
-        return max(views, key=lambda view: view.total_gain, default=None)
+    ) -> list[View | None]:
+        """The best view from some of the candidate places (flat cells), for each list of them."""
+        chosen = [
+            cells[
+                poisson_disk(
+                    cycle.grid.centres_m(cells), spacing_m, rng, preferred=cycle.is_roomy(cells), limit=limit
+                )
+            ]
+            for cells in candidates
+        ]
+        views = iter(cycle.score(np.concatenate([np.zeros(0, np.int64), *chosen])))
+        return [
+            max(itertools.islice(views, len(cells)), key=lambda view: view.total_gain, default=None)
+            for cells in chosen
+        ]
 
-    @staticmethod
-    def _accept(key: Key, view: View, cycle: PlanningCycle, tour: GlobalTour) -> None:
+    def _accept(self, key: Key, cycle: PlanningCycle, tour: GlobalTour) -> None:
+        """Make a subspace's view a goal, or leave it to the local level."""
+        view = self._views[key].view
+        cell = cycle.place_near(view.xy_m, cycle.grid.size_m)
+        assert cell is not None  # it was chosen now, or still holds
+        view = view.at_cell(cell)
         if bool(cycle.in_horizon(view.xy_m[None])[0]):
             tour.in_horizon.append(view)
         else:

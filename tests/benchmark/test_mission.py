@@ -32,7 +32,7 @@ def test_a_short_mission_is_timed_and_leaves_only_its_figures(tmp_path: Path) ->
     assert figures.stop_reason == "time_limit"
     assert figures.cycles >= 1
     assert len(figures.parts) == 4
-    assert figures.parts[-1].n_gaussians == figures.n_gaussians
+    assert figures.parts[-1].n_gaussians >= figures.n_gaussians  # the mission ends with a pruning
     total = figures.planning_ms.median
     assert total is not None
     assert total > 0
