@@ -27,7 +27,7 @@ def exact_quality(
     prior_information: float,
     range_m: float,
 ) -> float:
-    """Eq. 9's gain of a view: `sum_ik H_cand,ik / (H_train,ik + prior)` over every pixel of its image."""
+    """Eq. 9's gain of a view: `sum_ik H_cand,ik / (H_train,ik + prior_k)` over every pixel of its image."""
     image = quality_image(snapshot.gaussians, camera, T_world_camera, prior_information, far_m=range_m)
     return float(image.sum(dtype=np.float64))
 

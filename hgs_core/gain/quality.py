@@ -11,6 +11,7 @@ from numpy import ndarray
 import hgs_core.native.kernels as kernels
 from hgs_core.gain.panorama import PanoramaGrid, by_yaw
 from hgs_core.gaussians.gaussian_map import N_PARAMETERS
+from hgs_core.gaussians.information import parameter_priors
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.voxels.voxel_map import VoxelMap
@@ -40,7 +41,7 @@ class RaySample:
 class FisherField:
     """A map's Gaussians, sorted chunk by chunk where they are asked for, so that rays find what they meet.
 
-    The score of a view, `sum_ik H_cand,ik / (H_train,ik + prior)` (FisherRF's trace form), is a sum over its
+    The score of a view, `sum_ik H_cand,ik / (H_train,ik + prior_k)` (the trace form), is a sum over its
     pixels. A sample of the panorama's rays is scored exactly, each as the middle column of a level camera of
     full resolution that looks along it: nothing is lost to a coarse image, hidden Gaussians count where they
     show, and a surface seen from one side so far counts as it looks from another.
@@ -61,7 +62,7 @@ class FisherField:
             shape,
             voxels.origin_index * voxels.config.size_m,
             voxels.config.size_m,
-            prior_information,
+            parameter_priors(prior_information),
             camera.low_pass_px2 / self._focal_px**2,
             saturation_m,
             range_m,

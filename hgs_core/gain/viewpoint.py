@@ -32,8 +32,8 @@ class GainConfig(StrictConfig):
     adaptive: bool = True
     """False: the observed share lambda_o is taken as 1 (the paper's V4)."""
     prior_information: float = Field(1.0, gt=0)
-    """lambda of Eq. 9: about what one view from 8 m holds of a Gaussian's colour, so that what stays hidden
-    for ever does not outweigh a room. FisherRF uses 0.1 in active mapping."""
+    """lambda of Eq. 9, for colours: about what one view from a few metres holds of a Gaussian's colour. See
+    `parameter_priors` for the other parameters. FisherRF uses 0.1 for all in active mapping."""
     coverage_scale_m3: float = Field(1.0, gt=0)
     """Newly visible volume that counts as 1."""
     quality_scale_m2: float = Field(50.0, gt=0)

@@ -7,6 +7,8 @@ by the map's own parameters (log radius, logit opacity), chained *before* they a
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from jaxtyping import Float32
 from numpy import ndarray
@@ -17,6 +19,26 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.native_backend import camera_numbers
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
+
+UNCERTAIN_COLOUR: Final = 0.3
+UNCERTAIN_CENTRE_M: Final = 0.025
+UNCERTAIN_LOG_RADIUS: Final = 0.7
+UNCERTAIN_LOGIT_OPACITY: Final = 2.0
+"""How uncertain a parameter is before any view, as a standard deviation."""
+
+
+def parameter_priors(prior_information: float) -> list[float]:
+    """Eq. 9's lambda for each of the 8 parameters; `prior_information` is that of the colours.
+
+    Information about a parameter is one over its variance, so one number for all would depend on units: a
+    centre in metres holds 10^4 times as much as a colour, and a Gaussian that no view has seen would
+    outweigh all that were seen. These priors are as sure of each parameter as of the colours.
+    """
+    uncertain = np.array(
+        [UNCERTAIN_CENTRE_M] * 3 + [UNCERTAIN_COLOUR] * 3 + [UNCERTAIN_LOG_RADIUS, UNCERTAIN_LOGIT_OPACITY]
+    )
+    priors: list[float] = (prior_information * (UNCERTAIN_COLOUR / uncertain) ** 2).tolist()
+    return priors
 
 
 def accumulate_information(
@@ -62,7 +84,7 @@ def quality_image(
     *,
     far_m: float = np.inf,
 ) -> Float32[ndarray, "height width"]:
-    """The rendered quality gain (HGS-Planner figure 4): per pixel, `sum (dC/dw)^2 / (H_train + prior)`.
+    """The rendered quality gain (HGS-Planner figure 4): per pixel, `sum (dC/dw_k)^2 / (H_train + prior_k)`.
 
     Its sum over the image is `sum_i H_view,i / (H_train,i + prior)`, Eq. 9's gain of the view. Gaussians at a
     z-depth of `far_m` and beyond count for nothing.
@@ -76,7 +98,7 @@ def quality_image(
         gaussians.block_bounds,
         camera_numbers(intrinsics, T_world_camera, far_m=far_m),
         gaussians.information[: gaussians.size],
-        prior_information,
+        parameter_priors(prior_information),
         image,
     )
     return image

@@ -1,4 +1,9 @@
 #include "bind.hpp"
+#include <nanobind/stl/array.h>
+
+#include <algorithm>
+#include <array>
+
 #include "fisher_field.hpp"
 #include "gain_kernels.hpp"
 #include "rasterise.hpp"
@@ -75,9 +80,11 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 2>> cells, Array<c
 }
 
 hgs::FisherField* fisher_field(Array<const std::int64_t, nb::shape<3>> shape, Array<const double, nb::shape<3>> lower,
-                               double cell, float prior, float low_pass, float saturation, float range) {
+                               double cell, std::array<float, 8> prior, float low_pass, float saturation, float range) {
+  hgs::FisherRule rule{{}, low_pass, saturation, range};
+  std::copy(prior.begin(), prior.end(), rule.prior);
   return new hgs::FisherField({{shape(0), shape(1), shape(2)}}, {{lower(0), lower(1), lower(2)}, cell},
-                              {prior, low_pass, saturation, range});
+                              rule);
 }
 
 void gather_fisher(hgs::FisherField& field, Rows8 parameters, Array<const float, nb::shape<-1, 6>> block_bounds,

@@ -129,13 +129,13 @@ void add_information(ConstRows parameters, ConstBounds bounds, CameraNumbers cam
                                        information.data());
 }
 
-void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstRows information, float prior,
+void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstRows information, std::array<float, 8> prior,
                    Image image) {
   require(information.shape(0) == parameters.shape(0), "information needs a row for every Gaussian");
   const nb::gil_scoped_release release;
   hgs::variant_kernels().rasterise.quality_image(rows_of(parameters, bounds),
                                                  camera_of(camera, image.shape(1), image.shape(0)),
-                                                 information.data(), prior, image.data());
+                                                 information.data(), prior.data(), image.data());
 }
 
 void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float high, float min_logit_opacity,

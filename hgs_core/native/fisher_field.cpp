@@ -1,6 +1,6 @@
 // The exact score of Eq. 9 along a sample of the rays of 360-degree panoramas.
 //
-//   score of a view = sum over its pixels of  sum_ik (dC/dw_ik)^2 / (I_ik + prior)
+//   score of a view = sum over its pixels of  sum_ik (dC/dw_ik)^2 / (I_ik + prior_k)
 //
 // (the sums over pixels in H_cand and over Gaussians may be exchanged). A sampled ray stands for the pixels around it:
 // it is drawn as the middle column of a level camera that looks along its azimuth, with every splat at that camera's

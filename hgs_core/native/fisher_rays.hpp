@@ -14,7 +14,7 @@ struct FisherGrid {
 };
 
 struct FisherRule {
-  float prior;       // lambda of Eq. 9
+  float prior[8];    // lambda of Eq. 9, of each parameter
   float low_pass;    // what a pixel's width adds to a splat's variance, at a focal length of 1
   float saturation;  // nearer than this, a Gaussian scores as from here; 0 = never [m]
   float range;       // of z-depth [m]
@@ -82,7 +82,7 @@ using MakeBundle = void (*)(const float* parameters, const std::uint32_t* rows, 
 // first[r]: the first cell that holds anything on ray r; NO_CELL where there is none.
 using FirstCells = void (*)(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
                             std::uint32_t* first);
-// scores[r]: sum_ik (dC/dw_ik)^2 / (I_ik + prior) of ray r.
+// scores[r]: sum_ik (dC/dw_ik)^2 / (I_ik + prior_k) of ray r.
 using ScoreRays = void (*)(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
                            RayStamps& stamps, FisherScore* scores);
 

@@ -338,7 +338,7 @@ static FisherScore score_layers(const FisherCells& cells, const FisherRule& rule
     const VInt offset = load(layers.row_of + base) * N_PARAMETERS;
     const auto parameter = [&](int k) HGS_LAMBDA { return gather(cells.parameters + k, offset, all); };
     const auto share = [&](int k) HGS_LAMBDA {
-      return 1.0f / (gather(cells.information + k, offset, all) + rule.prior);
+      return 1.0f / (gather(cells.information + k, offset, all) + rule.prior[k]);
     };
     const VFloat z = load(layers.depth + base), inverse_z = 1.0f / z;
     const VFloat x = parameter(0) - line.x, y = parameter(1) - line.y;

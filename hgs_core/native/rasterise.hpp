@@ -98,7 +98,8 @@ struct RasteriseKernels {
   LossSums (*optimise)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
   // Adds to `information` (n, 8).
   void (*information)(const GaussianRows&, const PinholeCamera&, float* information);
-  void (*quality_image)(const GaussianRows&, const PinholeCamera&, const float* information, float prior, float* image);
+  void (*quality_image)(const GaussianRows&, const PinholeCamera&, const float* information, const float* prior,
+                        float* image);
 };
 
 }  // namespace hgs

@@ -135,9 +135,9 @@ static void add_information(const Workspace& workspace, const PinholeCamera& cam
       [](std::size_t, Nothing&) {});
 }
 
-// Per slot, the form whose value at a pixel is sum_k (dC/dw_k)^2 / (H_k + prior): see sweep_quality.
+// Per slot, the form whose value at a pixel is sum_k (dC/dw_k)^2 / (H_k + prior_k): see sweep_quality.
 static void quality_coefficients(Workspace& workspace, const PinholeCamera& camera, const float* information,
-                                 float prior) {
+                                 const float* prior) {
   float* coefficients = workspace.slot_coefficients.require(workspace.n_visible_blocks * BLOCK * 8);
   const Splat* splats = workspace.splats.get();
 #pragma omp parallel for schedule(dynamic, 8)
@@ -152,17 +152,17 @@ static void quality_coefficients(Workspace& workspace, const PinholeCamera& came
       for (int j = 0; j < 3; ++j) {
         float a[3];
         world_slopes(slopes, camera, j, a);
-        const float share = 1.0f / (H[j] + prior);
+        const float share = 1.0f / (H[j] + prior[j]);
         c[SUM_E_XX] += share * a[0] * a[0];
         c[SUM_E_XY] += share * 2.0f * a[0] * a[1];
         c[SUM_E_YY] += share * a[1] * a[1];
         c[SUM_E_XD] += share * 2.0f * a[0] * a[2];
         c[SUM_E_YD] += share * 2.0f * a[1] * a[2];
         c[SUM_E_DD] += share * a[2] * a[2];
-        c[SUM_W2] += 1.0f / (H[3 + j] + prior);
+        c[SUM_W2] += 1.0f / (H[3 + j] + prior[3 + j]);
       }
-      c[SUM_E_DD] += slopes.log_radius * slopes.log_radius / (H[6] + prior);
-      c[SUM_E] = (1.0f - splat.opacity) * (1.0f - splat.opacity) / (H[7] + prior);
+      c[SUM_E_DD] += slopes.log_radius * slopes.log_radius / (H[6] + prior[6]);
+      c[SUM_E] = (1.0f - splat.opacity) * (1.0f - splat.opacity) / (H[7] + prior[7]);
     }
   }
 }

@@ -181,7 +181,7 @@ static void information(const GaussianRows& gaussians, const PinholeCamera& came
 }
 
 static void quality_image(const GaussianRows& gaussians, const PinholeCamera& camera, const float* information,
-                          float prior, float* image) {
+                          const float* prior, float* image) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
   prepare(gaussians, camera, workspace);

@@ -10,7 +10,7 @@ from hgs_core.gain.exact import exact_coverage, exact_quality
 from hgs_core.gain.panorama import PanoramaGrid
 from hgs_core.gain.quality import FisherField, RaySample
 from hgs_core.gain.viewpoint import GainConfig
-from hgs_core.gaussians.information import quality_image
+from hgs_core.gaussians.information import parameter_priors, quality_image
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.native import kernels
 from tests.gain import naive
@@ -76,7 +76,7 @@ def test_each_ray_scores_what_its_pixel_scores() -> None:
         np.array(voxels.states.shape, np.int64),
         np.zeros(3),
         0.1,
-        PRIOR,
+        parameter_priors(PRIOR),
         column.low_pass_px2 / focal_px**2,
         0.0,
         3.0,

@@ -10,7 +10,12 @@ from numpy import ndarray
 
 from hgs_core.errors import MapError
 from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.gaussians.information import accumulate_information, quality_image, view_information
+from hgs_core.gaussians.information import (
+    accumulate_information,
+    parameter_priors,
+    quality_image,
+    view_information,
+)
 from hgs_core.gaussians.torch_backend import splat
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.geometry.se3 import SE3
@@ -62,7 +67,7 @@ def test_quality_image_is_the_pixelwise_gain() -> None:
     gaussians = scene()
     rng = np.random.default_rng(0)
     gaussians.information[: gaussians.size] = rng.uniform(0.0, 5.0, (gaussians.size, 8))
-    denominator = gaussians.information[: gaussians.size].astype(float) + 0.1
+    denominator = gaussians.information[: gaussians.size].astype(float) + parameter_priors(0.1)
     expected = (squared_jacobian(gaussians) / denominator).sum(axis=(2, 3, 4))
     image = quality_image(gaussians, CAMERA, POSE, 0.1)
     np.testing.assert_allclose(image, expected, rtol=2e-3, atol=1e-4 * expected.max())
@@ -71,7 +76,9 @@ def test_quality_image_is_the_pixelwise_gain() -> None:
 def test_quality_image_adds_up_to_the_gain_of_the_view() -> None:
     gaussians = scene(200, seed=7)
     accumulate_information(gaussians, CAMERA, POSE)
-    gain = (view_information(gaussians, CAMERA, POSE) / (gaussians.information[:200] + 0.1)).sum(dtype=float)
+    gain = (
+        view_information(gaussians, CAMERA, POSE) / (gaussians.information[:200] + parameter_priors(0.1))
+    ).sum(dtype=float)
     assert quality_image(gaussians, CAMERA, POSE, 0.1).sum(dtype=float) == pytest.approx(gain, rel=1e-4)
 
 
