@@ -39,6 +39,8 @@ class GlobalConfig(StrictConfig):
     """Before a subspace is given up, so many places within the camera's range are scored."""
     stale_change: float = Field(0.2, gt=0, lt=1)
     """A subspace's view is scored again when its missing volume changed by more than this share."""
+    max_goals: int = Field(32, ge=1)
+    """The tour leads to the nearest so many subspaces; those beyond wait until it has come to them."""
     detour_factor: float = Field(1.3, ge=1)
     """A roadmap route that costs more than this times the grid's way is replaced by the grid's."""
 
@@ -67,6 +69,8 @@ class GlobalTour:
     """Best views of subspaces that were exhausted in this cycle."""
     unreachable: list[Float[ndarray, " 2"]] = field(default_factory=list)
     """Middles of the missing voxels of subspaces that no reachable place can look at."""
+    n_waiting: int = 0
+    """Open subspaces that the tour does not lead to yet."""
     grid_legs: int = 0
     """Legs for which the roadmap had no connection, or only a long way round: the grid's way was taken."""
 
@@ -240,6 +244,7 @@ class GlobalPlanner:
         has no connection or a long way round."""
         if not tour.goals:
             return
+        self._keep_nearest(cycle, tour)
         places = np.stack([cycle.robot_xy_m, *(view.xy_m for view in tour.goals)])
         cells = np.array([goal.cell for goal in tour.goals])
         routes = self.roadmap.routes(cycle.grid, places)
@@ -261,6 +266,15 @@ class GlobalPlanner:
                 leg = leg_between(cycle, goals[a - 1] if a else None, goals[b - 1])
             tour.legs_m.append(leg)
             tour.grid_legs += route is None
+
+    def _keep_nearest(self, cycle: PlanningCycle, tour: GlobalTour) -> None:
+        """A building has more open subspaces than a tour must know: where it goes first hardly depends on
+        the far ones, and what they cost grows with their number squared."""
+        distance_m = cycle.reach.distance_m.ravel()[[goal.cell for goal in tour.goals]]
+        kept = np.sort(np.argsort(distance_m, kind="stable")[: self.config.max_goals]).tolist()
+        tour.n_waiting = len(tour.goals) - len(kept)
+        tour.goals = [tour.goals[k] for k in kept]
+        tour.keys = [tour.keys[k] for k in kept]
 
     @staticmethod
     def _grid_costs(

@@ -279,10 +279,11 @@ class HierarchicalPlanner:
         else:
             parts.append("nothing nearby is worth a stop")
         if tour.goals:
+            n_open = len(tour.goals) + tour.n_waiting
             parts.append(
-                f"then {len(tour.goals)} unfinished subspaces farther away"
+                f"then {n_open} unfinished subspaces farther away"
                 if local.tour
-                else f"going to the first of {len(tour.goals)} unfinished subspaces farther away"
+                else f"going to the first of {n_open} unfinished subspaces farther away"
             )
         if tour.grid_legs:
             parts.append(

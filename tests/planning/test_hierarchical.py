@@ -9,6 +9,7 @@ import pytest
 
 from hgs_core.errors import PlanningError
 from hgs_core.planning.config import PlannerConfig
+from hgs_core.planning.global_planner import GlobalConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.plan import CandidateStatus, NothingLeft, Plan, Planner, UnseenReason
 from hgs_core.robot.robot import RobotConfig
@@ -55,6 +56,13 @@ def test_the_robot_touches_nothing(world: ClosedWorld, mission: ClosedMission) -
         for share in (0.0, 0.5, 1.0):
             x_m, y_m = a[:2] + share * (b[:2] - a[:2])
             assert world.distance_to_solid_m(x_m, y_m) >= 0.25 - 0.05, (x_m, y_m)
+
+
+def test_a_tour_that_knows_one_goal_at_a_time_still_leads_everywhere(world: ClosedWorld) -> None:
+    config = PlannerConfig(gain_threshold=GAIN_THRESHOLD_M3, global_level=GlobalConfig(max_goals=1))
+    mission = run_mission(world, seed=0, start=START, config=config)
+    assert mission.answer is not None
+    assert np.count_nonzero(mission.robot.voxels.missing()) * 1e-3 < 0.6
 
 
 def test_plans_explain_themselves(mission: ClosedMission) -> None:
