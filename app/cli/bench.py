@@ -189,7 +189,14 @@ def _print_mission(figures: MissionBenchmark) -> None:
         table.add_row(name, _ms(spread.median), _ms(spread.p95))
     OUTPUT.print(table)
     table = Table(title="as the map grows", title_justify="left")
-    for name in ("until s", "Gaussians", "observed m3", "T_P median ms", "mapping median ms"):
+    for name in (
+        "until s",
+        "Gaussians",
+        "observed m3",
+        "T_P median ms",
+        "T_GP median ms",
+        "mapping median ms",
+    ):
         table.add_column(name, justify="right")
     for part in figures.parts:
         table.add_row(
@@ -197,6 +204,7 @@ def _print_mission(figures: MissionBenchmark) -> None:
             f"{part.n_gaussians:,}",
             f"{part.observed_volume_m3:.0f}",
             _ms(part.planning_ms.median),
+            _ms(part.global_ms.median),
             _ms(part.mapping_ms.median),
         )
     OUTPUT.print(table)

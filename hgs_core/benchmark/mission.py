@@ -52,6 +52,7 @@ class MissionPart(_Figures):
     """At its end."""
     observed_volume_m3: float
     planning_ms: Spread
+    global_ms: Spread
     mapping_ms: Spread
 
 
@@ -116,12 +117,14 @@ def _parts(plans: list[PlanMade], frames: list[Telemetry]) -> list[MissionPart]:
         if not len(of_part):
             continue
         last = frames[of_part[-1]]
+        of_time = [plan for plan in plans if since_s < plan.time_s <= last.time_s]
         parts.append(
             MissionPart(
                 until_s=last.time_s,
                 n_gaussians=last.n_gaussians,
                 observed_volume_m3=last.observed_volume_m3,
-                planning_ms=Spread.of([p.planning_s for p in plans if since_s < p.time_s <= last.time_s]),
+                planning_ms=Spread.of([plan.planning_s for plan in of_time]),
+                global_ms=Spread.of([plan.global_s for plan in of_time]),
                 mapping_ms=Spread.of([frames[k].mapping_s for k in of_part]),
             )
         )

@@ -43,7 +43,7 @@ class GainConfig(StrictConfig):
     paper's gain, which grows without bound towards a surface."""
     azimuth_bins: int = Field(120, ge=24)
     elevation_bins: int = Field(32, ge=8)
-    quality_elevation_bins: int = Field(20, ge=4)
+    quality_elevation_bins: int = Field(12, ge=4)
     """Rows of rays that are scored exactly, of as many columns as `azimuth_bins`."""
 
 
