@@ -1,4 +1,5 @@
 #define HGS_VARIANT avx2
+#include "fisher_bundles_variant.hpp"
 #include "fisher_rays_variant.hpp"
 #include "gain_rows_variant.hpp"
 #include "multiply_add_variant.hpp"

@@ -1,0 +1,84 @@
+// Gaussians sorted into cells and bundled, sixteen at a time.
+// Included only by the variant files (see simd.hpp).
+#pragma once
+#include "fisher_rays.hpp"
+#include "parameter_column_variant.hpp"
+#include "simd.hpp"
+
+namespace hgs::HGS_VARIANT {
+
+inline constexpr float FAINTEST_LOGIT = -5.53733f;  // of an opacity of 1/255: nothing is drawn of it
+
+// Bits 0 and 1 of a number moved to bits 0 and 3.
+HGS_INLINE VInt spread_bits(VInt a) { return (a & 1) | ((a & 2) << 2); }
+
+static void list_cells(const float* parameters, std::int32_t n, const FisherGrid& grid, std::uint32_t* keys) {
+  alignas(64) float centre[3][PADDED_BLOCK], logit[PADDED_BLOCK];
+  for (int a = 0; a < 3; ++a) column_of(parameters, n, a, centre[a]);
+  column_of(parameters, n, 7, logit);
+  alignas(64) std::int32_t found[LANES];
+  const float per_part = 4.0f / grid.size;
+  for (std::int32_t i = 0; i < n; i += LANES) {
+    VInt inside = load(logit + i) > FAINTEST_LOGIT;
+    VInt cell[3], part{};
+    for (int a = 0; a < 3; ++a) {
+      const VFloat parts = splat_all(4.0f * static_cast<float>(grid.shape[a]));
+      const VFloat at = (load(centre[a] + i) - grid.lower[a]) * per_part;
+      inside &= (at >= 0.0f) & (at < parts);
+      const VInt whole = to_int(inside ? at : VFloat{});
+      cell[a] = whole >> 2;
+      part |= spread_bits(whole & 3) << (2 - a);
+    }
+    const VInt index = (cell[0] * grid.shape[1] + cell[1]) * grid.shape[2] + cell[2];
+    store(found, inside ? (index << 6) | part : VInt{} - 1);
+    for (int lane = 0; lane < LANES && i + lane < n; ++lane) keys[i + lane] = static_cast<std::uint32_t>(found[lane]);
+  }
+}
+
+static void make_bundle(const float* parameters, const std::uint32_t* rows, std::int32_t n, const FisherRule& rule,
+                        Bundle& bundle, BundleBounds& bounds) {
+  alignas(64) float log_radius[BUNDLE], logit[BUNDLE], reach[BUNDLE];
+  for (int i = 0; i < BUNDLE; ++i) {
+    const std::uint32_t row = rows[i < n ? i : n - 1];
+    const float* p = parameters + N_PARAMETERS * static_cast<std::size_t>(row);
+    bundle.x[i] = p[0];
+    bundle.y[i] = p[1];
+    bundle.z[i] = p[2];
+    log_radius[i] = p[6];
+    logit[i] = p[7];
+    bundle.row[i] = row;
+  }
+  const float widest_low_pass = rule.low_pass * rule.range * rule.range;
+  for (int i = 0; i < BUNDLE; i += LANES) {
+    const VFloat radius = vexp(load(log_radius + i)), radius2 = radius * radius;
+    const VFloat opacity = 1.0f / (1.0f + vexp(-load(logit + i)));
+    const VFloat decay = 2.0f * vlog(vmax(opacity * 255.0f, splat_all(1.0f)));
+    store(bundle.radius2 + i, radius2);
+    store(bundle.decay + i, decay);
+    store(reach + i, vsqrt(decay * (radius2 + widest_low_pass)));
+  }
+  for (int i = n; i < BUNDLE; ++i) bundle.decay[i] = -1.0f;
+  const float* centres[3] = {bundle.x, bundle.y, bundle.z};
+  for (int a = 0; a < 3; ++a) {
+    const float* c = centres[a];
+    float low = c[0], high = c[0];
+    bounds.low[a] = c[0] - reach[0];
+    bounds.high[a] = c[0] + reach[0];
+    for (int i = 1; i < n; ++i) {
+      low = c[i] < low ? c[i] : low;
+      high = c[i] > high ? c[i] : high;
+      bounds.low[a] = c[i] - reach[i] < bounds.low[a] ? c[i] - reach[i] : bounds.low[a];
+      bounds.high[a] = c[i] + reach[i] > bounds.high[a] ? c[i] + reach[i] : bounds.high[a];
+    }
+    bounds.centre[a] = 0.5f * (low + high);
+  }
+  bounds.radius = 0.0f;
+  for (int i = 0; i < n; ++i) {
+    float d2 = 0.0f;
+    for (int a = 0; a < 3; ++a) d2 += (centres[a][i] - bounds.centre[a]) * (centres[a][i] - bounds.centre[a]);
+    const float radius = __builtin_sqrtf(d2) + reach[i];
+    bounds.radius = radius > bounds.radius ? radius : bounds.radius;
+  }
+}
+
+}  // namespace hgs::HGS_VARIANT
