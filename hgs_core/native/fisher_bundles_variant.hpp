@@ -39,7 +39,7 @@ static void make_bundle(const float* parameters, const std::uint32_t* rows, std:
                         Bundle& bundle, BundleBounds& bounds) {
   alignas(64) float log_radius[BUNDLE], logit[BUNDLE], reach[BUNDLE];
   for (int i = 0; i < BUNDLE; ++i) {
-    const std::uint32_t row = rows[i < n ? i : n - 1];
+    const std::uint32_t row = rows[i < n ? i : n - 1];  // places that are left over change no bounds
     const float* p = parameters + N_PARAMETERS * static_cast<std::size_t>(row);
     bundle.x[i] = p[0];
     bundle.y[i] = p[1];
@@ -49,36 +49,41 @@ static void make_bundle(const float* parameters, const std::uint32_t* rows, std:
     bundle.row[i] = row;
   }
   const float widest_low_pass = rule.low_pass * rule.range * rule.range;
+  const float* centres[3] = {bundle.x, bundle.y, bundle.z};
+  VFloat low[3], high[3];
+  for (int a = 0; a < 3; ++a) {
+    low[a] = splat_all(__builtin_inff());
+    high[a] = -low[a];
+  }
   for (int i = 0; i < BUNDLE; i += LANES) {
     const VFloat radius = vexp(load(log_radius + i)), radius2 = radius * radius;
     const VFloat opacity = 1.0f / (1.0f + vexp(-load(logit + i)));
     const VFloat decay = 2.0f * vlog(vmax(opacity * 255.0f, splat_all(1.0f)));
+    const VFloat reaches = vsqrt(decay * (radius2 + widest_low_pass));
     store(bundle.radius2 + i, radius2);
     store(bundle.decay + i, decay);
-    store(reach + i, vsqrt(decay * (radius2 + widest_low_pass)));
-  }
-  for (int i = n; i < BUNDLE; ++i) bundle.decay[i] = -1.0f;
-  const float* centres[3] = {bundle.x, bundle.y, bundle.z};
-  for (int a = 0; a < 3; ++a) {
-    const float* c = centres[a];
-    float low = c[0], high = c[0];
-    bounds.low[a] = c[0] - reach[0];
-    bounds.high[a] = c[0] + reach[0];
-    for (int i = 1; i < n; ++i) {
-      low = c[i] < low ? c[i] : low;
-      high = c[i] > high ? c[i] : high;
-      bounds.low[a] = c[i] - reach[i] < bounds.low[a] ? c[i] - reach[i] : bounds.low[a];
-      bounds.high[a] = c[i] + reach[i] > bounds.high[a] ? c[i] + reach[i] : bounds.high[a];
+    store(reach + i, reaches);
+    for (int a = 0; a < 3; ++a) {
+      low[a] = vmin(low[a], load(centres[a] + i) - reaches);
+      high[a] = vmax(high[a], load(centres[a] + i) + reaches);
     }
-    bounds.centre[a] = 0.5f * (low + high);
   }
-  bounds.radius = 0.0f;
-  for (int i = 0; i < n; ++i) {
-    float d2 = 0.0f;
-    for (int a = 0; a < 3; ++a) d2 += (centres[a][i] - bounds.centre[a]) * (centres[a][i] - bounds.centre[a]);
-    const float radius = __builtin_sqrtf(d2) + reach[i];
-    bounds.radius = radius > bounds.radius ? radius : bounds.radius;
+  for (int a = 0; a < 3; ++a) {
+    bounds.low[a] = lowest(low[a]);
+    bounds.high[a] = -lowest(-high[a]);
+    bounds.centre[a] = 0.5f * (bounds.low[a] + bounds.high[a]);
   }
+  VFloat farthest{};
+  for (int i = 0; i < BUNDLE; i += LANES) {
+    VFloat d2{};
+    for (int a = 0; a < 3; ++a) {
+      const VFloat d = load(centres[a] + i) - bounds.centre[a];
+      d2 += d * d;
+    }
+    farthest = vmax(farthest, vsqrt(d2) + load(reach + i));
+  }
+  bounds.radius = -lowest(-farthest);
+  for (int i = n; i < BUNDLE; ++i) bundle.decay[i] = -1.0f;
 }
 
 }  // namespace hgs::HGS_VARIANT

@@ -58,6 +58,7 @@ void FisherField::clear() {
   listed_.clear();
   bundles_.clear();
   bounds_.clear();
+  reached_.clear();
 }
 
 template <class Visit>
@@ -72,18 +73,23 @@ void FisherField::for_each_cell(std::size_t chunk, Visit&& visit) const {
   }
 }
 
-template <class Visit>
-void FisherField::for_each_cell_reached(const BundleBounds& bounds, Visit&& visit) const {
-  int low[3], high[3];
+FisherField::Reached FisherField::reached_by(const BundleBounds& bounds) const {
+  Reached cells;
+  const float per_cell = 1.0f / grid_.size;
   for (int a = 0; a < 3; ++a) {
-    low[a] = std::max(static_cast<int>(std::floor((bounds.low[a] - grid_.lower[a]) / grid_.size)), 0);
-    high[a] = std::min(static_cast<int>(std::floor((bounds.high[a] - grid_.lower[a]) / grid_.size)),
-                       grid_.shape[a] - 1);
+    const float low = (bounds.low[a] - grid_.lower[a]) * per_cell, high = (bounds.high[a] - grid_.lower[a]) * per_cell;
+    cells.low[a] = static_cast<std::int32_t>(std::max(low, 0.0f));
+    cells.high[a] = std::min(static_cast<std::int32_t>(std::max(high, 0.0f)), grid_.shape[a] - 1);
   }
-  for (int i = low[0]; i <= high[0]; ++i) {
-    for (int j = low[1]; j <= high[1]; ++j) {
+  return cells;
+}
+
+template <class Visit>
+void FisherField::for_each_cell_reached(const Reached& cells, Visit&& visit) const {
+  for (std::int32_t i = cells.low[0]; i <= cells.high[0]; ++i) {
+    for (std::int32_t j = cells.low[1]; j <= cells.high[1]; ++j) {
       const std::size_t column = (static_cast<std::size_t>(i) * grid_.shape[1] + j) * grid_.shape[2];
-      for (int k = low[2]; k <= high[2]; ++k) visit(column + k);
+      for (std::int32_t k = cells.low[2]; k <= cells.high[2]; ++k) visit(column + k);
     }
   }
 }
@@ -159,6 +165,7 @@ void FisherField::make_bundles(const GaussianRows& map) {
   }
   bundles_.resize(n_bundles);
   bounds_.resize(n_bundles);
+  reached_.resize(n_bundles);
   const auto n_filled = static_cast<std::int64_t>(filled_.size());
 #pragma omp parallel
   {
@@ -176,6 +183,7 @@ void FisherField::make_bundles(const GaussianRows& map) {
         const auto n = static_cast<std::int32_t>(std::min<std::uint32_t>(BUNDLE, cell.n - i));
         variant_kernels().gain.make_bundle(map.parameters, rows.data() + i, n, rule_, bundles_[bundle],
                                            bounds_[bundle]);
+        reached_[bundle] = reached_by(bounds_[bundle]);
       }
     }
   }
@@ -185,8 +193,8 @@ void FisherField::make_bundles(const GaussianRows& map) {
 void FisherField::list_bundles() {
   for (const std::size_t cell : listed_) begin_[cell] = end_[cell] = 0;
   listed_.clear();
-  for (const BundleBounds& bounds : bounds_) {
-    for_each_cell_reached(bounds, [&](std::size_t cell) {
+  for (const Reached& cells : reached_) {
+    for_each_cell_reached(cells, [&](std::size_t cell) {
       if (first_[cell]++ == 0) listed_.push_back(cell);
     });
   }
@@ -203,7 +211,7 @@ void FisherField::list_bundles() {
   }
   for (std::size_t bundle = 0; bundle < bounds_.size(); ++bundle) {
     const BundleBounds& bounds = bounds_[bundle];
-    for_each_cell_reached(bounds, [&](std::size_t cell) {
+    for_each_cell_reached(reached_[bundle], [&](std::size_t cell) {
       const std::uint32_t place = first_[cell]++;
       BundleList& list = lists_[place / BUNDLE];
       list.x[place % BUNDLE] = bounds.centre[0];

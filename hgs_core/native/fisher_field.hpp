@@ -29,6 +29,7 @@ class FisherField {
 
  private:
   struct Place { std::uint32_t part, row; };
+  struct Reached { std::int32_t low[3], high[3]; };  // the cells of a bundle, along each axis
   struct FilledCell { std::uint32_t first, n; };  // in `order_`
   // One azimuth bin of a place's panorama, and what it looks at.
   struct Column { std::uint64_t target; std::int32_t place, azimuth; };
@@ -36,18 +37,20 @@ class FisherField {
   void sort_rows(const GaussianRows& map, const std::uint8_t* wanted);
   void make_bundles(const GaussianRows& map);
   void list_bundles();
+  Reached reached_by(const BundleBounds& bounds) const;
   std::vector<Column> by_target(const FisherCells& cells, const double* positions, std::int64_t n_positions,
                                 std::int64_t n_azimuth) const;
   template <class Visit>
   void for_each_cell(std::size_t chunk, Visit&& visit) const;
   template <class Visit>
-  void for_each_cell_reached(const BundleBounds& bounds, Visit&& visit) const;
+  void for_each_cell_reached(const Reached& cells, Visit&& visit) const;
 
   GridPlace place_;  // of the voxels
   FisherGrid grid_;
   FisherRule rule_;
   std::vector<Bundle> bundles_;
   std::vector<BundleBounds> bounds_;        // of each bundle
+  std::vector<Reached> reached_;
   std::vector<BundleList> lists_;
   std::vector<std::uint32_t> begin_, end_;  // of each cell, in `lists_`
   std::vector<std::size_t> listed_;         // the cells for which they are not 0

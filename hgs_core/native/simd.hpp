@@ -160,6 +160,17 @@ HGS_INLINE bool any(VInt mask) {
 #endif
 }
 
+// The lowest of the lanes.
+HGS_INLINE float lowest(VFloat a) {
+#if defined(__AVX512F__)
+  return _mm512_reduce_min_ps(a);
+#else
+  float low = a[0];
+  for (int i = 1; i < LANES; ++i) low = a[i] < low ? a[i] : low;
+  return low;
+#endif
+}
+
 HGS_INLINE VInt to_int(VFloat a) { return __builtin_convertvector(a, VInt); }  // towards zero
 HGS_INLINE VFloat to_float(VInt a) { return __builtin_convertvector(a, VFloat); }
 HGS_INLINE VInt to_cell(VFloat a) {  // towards minus infinity
