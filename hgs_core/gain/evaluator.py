@@ -21,7 +21,8 @@ class PanoramaGainEvaluator:
 
     Coverage marches each direction of the full circle through the voxels, quality scores a sample of the
     directions exactly; every yaw is a window over them. The maps are gathered into fields for it first:
-    around the viewpoints only, and once as long as the maps stay as they are.
+    around the viewpoints only (Gaussians where some ray of
+    the coverage comes), and once as long as the maps stay as they are.
 
     A ray reaches `range_m` of *horizontal* distance. A camera of that range in z-depth sees a little farther
     towards the sides of its image: the gains are slightly cautious there.
@@ -49,15 +50,17 @@ class PanoramaGainEvaluator:
         field = self._field_over(snapshot)
         near = field.chunks_near(positions_m, self._range_m)
         field.gather(snapshot, near)
+        panoramas = march(self._grid, field, positions_m, range_m=self._range_m)
         coverage = coverage_by_yaw(
             self._window,
-            march(self._grid, field, positions_m, range_m=self._range_m),
+            panoramas,
             self.config.coverage_measure,
             voxel_volume_m3=field.size_m**3,
             pixels_per_ray=self._grid.pixels_per_ray,
         )
         quality = as_area(
-            self._quality(snapshot, positions_m, near), gaussians_per_m2=field.gaussians_per_m2(near)
+            self._quality(snapshot, positions_m, panoramas.entered),
+            gaussians_per_m2=field.gaussians_per_m2(near),
         )
         return adaptive_gains(
             self.config, self._grid.yaws_rad, coverage, quality, observed_share=observed_share
@@ -67,11 +70,11 @@ class PanoramaGainEvaluator:
         self,
         snapshot: MapSnapshot,
         positions_m: Float[ndarray, "n 3"],
-        near: Bool[ndarray, "n_chunks_x n_chunks_y"],
+        in_sight: Bool[ndarray, "n_chunks_x n_chunks_y"],
     ) -> Float64[ndarray, "n n_yaws"]:
         if self._fisher is None:
             return np.zeros((len(positions_m), self._grid.n_azimuths))
-        self._fisher.gather(snapshot, near)
+        self._fisher.gather(snapshot, in_sight)
         return self._fisher.score_by_yaw(self._sample, snapshot, positions_m)
 
     def _field_over(self, snapshot: MapSnapshot) -> GainField:

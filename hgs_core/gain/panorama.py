@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+from jaxtyping import Bool, Float, Float32, Float64
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
@@ -94,6 +94,8 @@ class Panoramas:
     """Unobserved volume, weighted with the transmittance before it."""
     unseen_voxels: Float32[ndarray, "n n_elevations n_azimuths"]
     """Unobserved voxels on the direction's ray, weighted likewise (the sum of Eq. 4 without `V`)."""
+    entered: Bool[ndarray, "n_chunks_x n_chunks_y"]
+    """The field's chunks that a ray came into, before it ended or as it did."""
 
 
 def march(
@@ -103,6 +105,7 @@ def march(
     size_m = field.size_m
     shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
     volume, voxels = (np.zeros(shape, np.float32) for _ in range(2))
+    entered = np.zeros_like(field.is_gathered)
     if field.cells.size:
         kernels.march_panoramas(
             field.cells,
@@ -113,9 +116,10 @@ def march(
             OPAQUE_BELOW,
             volume,
             voxels,
+            entered,
         )
     # The kernel measures in voxels.
-    return Panoramas(unseen_volume_m3=volume * np.float32(size_m**3), unseen_voxels=voxels)
+    return Panoramas(unseen_volume_m3=volume * np.float32(size_m**3), unseen_voxels=voxels, entered=entered)
 
 
 def by_yaw(

@@ -19,6 +19,7 @@ inline double row_stagger(std::int64_t row) {
 struct PanoramaCells {
   const PanoramaCell* cells;
   std::int32_t shape[3];
+  std::int32_t chunks_y;
 };
 
 struct Panorama {
@@ -39,6 +40,7 @@ struct PanoramaRays {
 // Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, and their number weighted with T.
 struct PanoramaSums {
   float *volume, *voxels;
+  std::uint8_t* entered;  // (chunks_x, chunks_y): set for chunks of columns that a ray comes into
 };
 
 using MarchRays = void (*)(const PanoramaCells&, const PanoramaRays&, const Panorama&, const PanoramaSums&);

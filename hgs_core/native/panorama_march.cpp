@@ -43,19 +43,23 @@ struct Directions {
 }  // namespace
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
-                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels) {
+                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels,
+                     std::uint8_t* entered) {
   const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
   const auto volume_scale = static_cast<float>(std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi);
   const PanoramaCells voxels{cells,
                              {static_cast<std::int32_t>(grid.shape[0]), static_cast<std::int32_t>(grid.shape[1]),
-                              static_cast<std::int32_t>(grid.shape[2])}};
+                              static_cast<std::int32_t>(grid.shape[2])},
+                             static_cast<std::int32_t>((grid.shape[1] + CHUNK - 1) / CHUNK)};
+  const std::int64_t n_chunks = (grid.shape[0] + CHUNK - 1) / CHUNK * voxels.chunks_y;
   const Directions directions(panorama);
   const std::int64_t n_rows = panorama.n_elevation;
 #pragma omp parallel
   {
+    std::vector<std::uint8_t> own_entered(static_cast<std::size_t>(n_chunks));
     std::vector<float> column(static_cast<std::size_t>(2 * n_rows));
-    const PanoramaSums sums{column.data(), column.data() + n_rows};
+    const PanoramaSums sums{column.data(), column.data() + n_rows, own_entered.data()};
 #pragma omp for collapse(2) schedule(dynamic, 8)
     for (std::int64_t n = 0; n < n_positions; ++n) {
       for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
@@ -73,6 +77,8 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
         }
       }
     }
+#pragma omp critical(entered_chunks)
+    for (std::int64_t chunk = 0; chunk < n_chunks; ++chunk) entered[chunk] |= own_entered[chunk];
   }
 }
 

@@ -1,11 +1,25 @@
 // Rays marched through voxels, one in each lane.
 // Included only by the variant files (see simd.hpp).
 #pragma once
+#include "gain_rows.hpp"
 #include "panorama.hpp"
 #include "ray_walk_variant.hpp"
 #include "simd.hpp"
 
 namespace hgs::HGS_VARIANT {
+
+// Flags the chunks that rays have just come into.
+HGS_INLINE void note_chunks(const RayWalk& walk, std::int32_t chunks_y, VInt& chunk, std::uint8_t* entered) {
+  const VInt now = (walk.x.cell >> CHUNK_SHIFT) * chunks_y + (walk.y.cell >> CHUNK_SHIFT);
+  const VInt changed = (now != chunk) & walk.active;
+  chunk = now;
+  if (!any(changed)) return;
+  alignas(64) std::int32_t index[LANES];
+  store(index, now);
+  for (std::uint32_t lanes = lane_bits(changed); lanes != 0; lanes &= lanes - 1) {
+    entered[index[__builtin_ctz(lanes)]] = 1;
+  }
+}
 
 static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, const Panorama& panorama,
                        const PanoramaSums& sums) {
@@ -25,6 +39,8 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
     RayWalk walk(rays.from, load(padded[0]), load(padded[1]), load(padded[2]), grid.shape, VFloat{},
                  length > 0.0f ? splat_all(1.0f) : splat_all(-1.0f));
     VFloat left = splat_all(1.0f), volume{}, voxels{};
+    VInt chunk = VInt{} - 1;
+    note_chunks(walk, grid.chunks_y, chunk, sums.entered);
     while (any(walk.active)) {
       const VFloat t_enter = walk.t_enter, t_leave = walk.t_leave();
       const VInt cell = walk.cell(grid.shape) * 2;
@@ -42,6 +58,8 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
         left = opaque ? VFloat{} : left * vexp(-tau * (t_leave - t_enter) * length);
       }
       walk.advance(t_leave, grid.shape);
+      // Before a ray may end: what it has ended on may lie just behind the border of a chunk.
+      note_chunks(walk, grid.chunks_y, chunk, sums.entered);
       walk.active &= left >= opaque_below;
     }
     for (int lane = 0; lane < n; ++lane) {
