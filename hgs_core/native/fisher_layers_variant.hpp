@@ -8,6 +8,7 @@
 namespace hgs::HGS_VARIANT {
 
 inline constexpr int MAX_LAYERS = 512;  // on one ray; it ends there
+inline constexpr float LIGHT_LEFT = 0.003f;  // scores go by its square: what lies deeper adds nothing to speak of
 inline constexpr float LN_TO_LOG2 = 1.44269504f;
 
 typedef float Quad __attribute__((vector_size(16)));
@@ -88,7 +89,7 @@ HGS_INLINE float depth_of(std::uint64_t key) {
 HGS_INLINE bool pass_light(Layers& layers, float depth) {
   float T = layers.T;
   int i = layers.passed;
-  for (; i < layers.n && T >= MIN_TRANSMITTANCE; ++i) {
+  for (; i < layers.n && T >= LIGHT_LEFT; ++i) {
     const float own_depth = depth_of(layers.order[i]);
     if (own_depth >= depth) break;
     const auto at = static_cast<std::uint32_t>(layers.order[i]);
@@ -101,7 +102,7 @@ HGS_INLINE bool pass_light(Layers& layers, float depth) {
   }
   layers.passed = i;
   layers.T = T;
-  return T >= MIN_TRANSMITTANCE;
+  return T >= LIGHT_LEFT;
 }
 
 // Fills `of_opacity`, front to back: what is still to come is the final colour less what has gone by.
