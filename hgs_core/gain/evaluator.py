@@ -44,9 +44,14 @@ class PanoramaGainEvaluator:
         self._field_of: MapSnapshot | None = None
 
     def evaluate(
-        self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"], *, observed_share: float
+        self,
+        snapshot: MapSnapshot,
+        positions_m: Float[ndarray, "n 3"],
+        *,
+        observed_share: float,
+        coverage_only: bool = False,
     ) -> ViewGains:
-        """Gains of a camera at each position, level, all yaws. `observed_share` is lambda_o of Eq. 10."""
+        """See `GainEvaluator`."""
         field = self._field_over(snapshot)
         near = field.chunks_near(positions_m, self._range_m)
         field.gather(snapshot, near)
@@ -58,10 +63,11 @@ class PanoramaGainEvaluator:
             voxel_volume_m3=field.size_m**3,
             pixels_per_ray=self._grid.pixels_per_ray,
         )
-        quality = as_area(
-            self._quality(snapshot, positions_m, panoramas.entered),
-            gaussians_per_m2=field.gaussians_per_m2(near),
-        )
+        if coverage_only and self.config.use_coverage:
+            quality = np.zeros_like(coverage)
+        else:
+            scores = self._quality(snapshot, positions_m, panoramas.entered)
+            quality = as_area(scores, gaussians_per_m2=field.gaussians_per_m2(near))
         return adaptive_gains(
             self.config, self._grid.yaws_rad, coverage, quality, observed_share=observed_share
         )

@@ -72,7 +72,15 @@ class GainEvaluator(Protocol):
     """Scores viewpoints from the maps alone."""
 
     def evaluate(
-        self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"], *, observed_share: float
+        self,
+        snapshot: MapSnapshot,
+        positions_m: Float[ndarray, "n 3"],
+        *,
+        observed_share: float,
+        coverage_only: bool = False,
     ) -> ViewGains:
-        """Gains of a camera at each position, level, all yaws. `observed_share` is lambda_o of Eq. 10."""
+        """Gains of a camera at each position, level, all yaws. `observed_share` is lambda_o of Eq. 10.
+
+        `coverage_only` leaves quality at 0, which is several times as fast, unless there is no other gain.
+        """
         ...

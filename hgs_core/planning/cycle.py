@@ -38,10 +38,14 @@ class PlanningCycle:
     def robot_xy_m(self) -> Float[ndarray, " 2"]:
         return np.array([self.robot.x_m, self.robot.y_m])
 
-    def score(self, cells: Int[ndarray, " n"]) -> list[View]:
-        """Views at cell centres."""
+    def score(self, cells: Int[ndarray, " n"], *, coverage_only: bool = False) -> list[View]:
+        """Views at cell centres; see `GainEvaluator.evaluate`."""
         return self.scorer.score(
-            self.snapshot, self.grid.centres_m(cells), [int(c) for c in cells], self.observed_share
+            self.snapshot,
+            self.grid.centres_m(cells),
+            [int(c) for c in cells],
+            self.observed_share,
+            coverage_only=coverage_only,
         )
 
     def in_horizon(self, points_m: Float[ndarray, "n 2"]) -> Bool[ndarray, " n"]:

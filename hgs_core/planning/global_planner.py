@@ -212,7 +212,11 @@ class GlobalPlanner:
         cycle: PlanningCycle,
         rng: np.random.Generator,
     ) -> list[View | None]:
-        """The best view from some of the candidate places (flat cells), for each list of them."""
+        """The best view from some of the candidate places (flat cells), for each list of them.
+
+        A subspace is open for what is missing in it: its place is chosen by coverage, and only the views from
+        the chosen ones are scored for quality, too.
+        """
         chosen = [
             cells[
                 poisson_disk(
@@ -221,11 +225,13 @@ class GlobalPlanner:
             ]
             for cells in candidates
         ]
-        views = iter(cycle.score(np.concatenate([np.zeros(0, np.int64), *chosen])))
-        return [
+        views = iter(cycle.score(np.concatenate([np.zeros(0, np.int64), *chosen]), coverage_only=True))
+        best = [
             max(itertools.islice(views, len(cells)), key=lambda view: view.total_gain, default=None)
             for cells in chosen
         ]
+        found = iter(cycle.score(np.array([view.cell for view in best if view is not None], np.int64)))
+        return [None if view is None else next(found) for view in best]
 
     def _accept(self, key: Key, cycle: PlanningCycle, tour: GlobalTour) -> None:
         """Make a subspace's view a goal, or leave it to the local level."""

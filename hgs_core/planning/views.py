@@ -163,14 +163,22 @@ class ViewScorer:
         self._evaluator = evaluator
 
     def score(
-        self, snapshot: MapSnapshot, places_m: Float[ndarray, "n 2"], cells: list[int], observed_share: float
+        self,
+        snapshot: MapSnapshot,
+        places_m: Float[ndarray, "n 2"],
+        cells: list[int],
+        observed_share: float,
+        *,
+        coverage_only: bool = False,
     ) -> list[View]:
-        """One view a place, at its best yaw."""
+        """One view a place, at its best yaw; see `GainEvaluator.evaluate`."""
         if not len(places_m):
             return []
         started = time.perf_counter()
         positions = np.column_stack([places_m, np.full(len(places_m), self.camera_height_m)])
-        gains = self._evaluator.evaluate(snapshot, positions, observed_share=observed_share)
+        gains = self._evaluator.evaluate(
+            snapshot, positions, observed_share=observed_share, coverage_only=coverage_only
+        )
         totals = np.asarray(gains.total_by_yaw) * self.memory.factors(places_m, gains.yaws_rad)
         best = np.argmax(totals, axis=1)
         views = [

@@ -231,6 +231,20 @@ def test_the_total_is_the_weighed_sum_and_the_best_yaw_its_maximum() -> None:
     np.testing.assert_allclose(quality.total_by_yaw, 0.25 * both.quality_by_yaw / 4)
 
 
+def test_coverage_alone_leaves_quality_out_unless_there_is_nothing_else() -> None:
+    voxels = half_unseen_room()
+    snapshot = snapshot_of(voxels, gaussians_at(on_surfaces(voxels, 2, np.random.default_rng(0))))
+    position = np.array([[1.5, 2.0, 1.2]])
+    both = evaluator().evaluate(snapshot, position, observed_share=0.5)
+    alone = evaluator().evaluate(snapshot, position, observed_share=0.5, coverage_only=True)
+    np.testing.assert_array_equal(alone.coverage_by_yaw, both.coverage_by_yaw)
+    assert not alone.quality_by_yaw.any()
+    no_other = evaluator(use_coverage=False).evaluate(
+        snapshot, position, observed_share=0.5, coverage_only=True
+    )
+    np.testing.assert_array_equal(no_other.quality_by_yaw, both.quality_by_yaw)
+
+
 def test_each_viewpoint_is_scored_by_itself() -> None:
     voxels = half_unseen_room()
     snapshot = snapshot_of(voxels, gaussians_at(on_surfaces(voxels, 2, np.random.default_rng(0))))

@@ -99,7 +99,14 @@ class CountingGain:
         self.calls = 0
         self.places = 0
 
-    def evaluate(self, snapshot: MapSnapshot, positions_m: np.ndarray, *, observed_share: float) -> ViewGains:
+    def evaluate(
+        self,
+        snapshot: MapSnapshot,
+        positions_m: np.ndarray,
+        *,
+        observed_share: float,
+        coverage_only: bool = False,
+    ) -> ViewGains:
         self.calls += 1
         self.places += len(positions_m)
         voxels = snapshot.voxels
