@@ -31,6 +31,8 @@ CASE_SIZE: Final = 20
 """Views in one case of "is the best among the first three?": about as many as a planning cycle weighs."""
 N_CASES: Final = 100
 AMONG_FIRST: Final = 3
+NOTHING_BELOW: Final = 1e-3
+"""Scores below this share of the best one's are as good as nothing."""
 
 
 class _Figures(BaseModel):
@@ -41,7 +43,11 @@ class GainFidelity(_Figures):
     """One gain against its exact value over all views."""
 
     spearman: float
-    """Rank correlation."""
+    """Rank correlation over all views."""
+    n_gaining: int
+    """Views whose exact score is more than a thousandth of the best one's."""
+    spearman_gaining: float
+    """Rank correlation over these: views that gain nothing are equal, and their order is noise."""
     best_among_first: float
     """Share of cases of 20 views, drawn at random, in which the exactly best is among the first three."""
     exact: list[float]
@@ -159,8 +165,11 @@ def fidelity(exact: Float[ndarray, " n"], fast: Float[ndarray, " n"]) -> GainFid
         case = rng.choice(len(exact), min(CASE_SIZE, len(exact)), replace=False)
         first = case[np.argsort(-fast[case], kind="stable")[:AMONG_FIRST]]
         hits += bool(np.isin(case[np.argmax(exact[case])], first))
+    gaining = exact > NOTHING_BELOW * exact.max()
     return GainFidelity(
         spearman=float(spearmanr(exact, fast)[0]),
+        n_gaining=int(np.count_nonzero(gaining)),
+        spearman_gaining=float(spearmanr(exact[gaining], fast[gaining])[0]),
         best_among_first=hits / N_CASES,
         exact=exact.tolist(),
         fast=fast.tolist(),

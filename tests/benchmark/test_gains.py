@@ -15,6 +15,8 @@ def test_the_same_order_is_full_fidelity_and_the_reverse_is_none() -> None:
     same, reverse = fidelity(exact, np.sqrt(exact)), fidelity(exact, -exact)
     assert same.spearman == pytest.approx(1.0)
     assert same.best_among_first == 1.0
+    assert same.n_gaining == 38  # 0 and 1 are less than a thousandth of 39 squared
+    assert same.spearman_gaining == pytest.approx(1.0)
     assert reverse.spearman == pytest.approx(-1.0)
     assert reverse.best_among_first == 0.0
 
