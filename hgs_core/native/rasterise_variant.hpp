@@ -80,16 +80,19 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
   add_gradients(workspace, camera, gradient);
 }
 
-// Both sweeps of every tile, with the loss between them.
+// Both sweeps of every tile, with the loss between them. `second_half_s`, unless null: per thread, the time spent on the
+// loss and the backward sweep is added to it.
 static void sweep_loss(Workspace& workspace, const PinholeCamera& camera, const Target& target, const LossScale& scale,
-                       float* pair_sums, double* tile_losses) {
+                       float* pair_sums, double* tile_losses, double* second_half_s) {
   for_each_tile_forward(
       workspace, camera,
       [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+        const double began = second_half_s == nullptr ? 0.0 : omp_get_wtime();
         GradientTile gradients;
         gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
         sweep_backward(tile, traces, gradients, pair_sums);
         clear_pairs(tile, traces.n, pair_sums);
+        if (second_half_s != nullptr) second_half_s[omp_get_thread_num()] += omp_get_wtime() - began;
       });
 }
 
@@ -109,7 +112,7 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
   const LossScale scale = loss_scale(target, loss.pixels);
-  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses);
+  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses, nullptr);
   step_visible(workspace, camera, adam);
   double uncovered = 0.0, covered = 0.0;
   for (int index = 0; index < n_tiles; ++index) {
@@ -142,15 +145,17 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   };
   prepare(gaussians, camera, workspace);
   times.prepare_s = lap();
-  for_each_tile_forward(workspace, camera, [](int, const Tile&, const Window&, const ForwardTile&, Traces) {});
-  times.forward_s = lap();
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
   const LossScale scale = loss_scale(target, valid_depths(target, camera).pixels + 1);
+  const int threads = omp_get_max_threads();
+  double* second_half_s = workspace.thread_times.require(std::size_t{1} * threads);
+  for (int t = 0; t < threads; ++t) second_half_s[t] = 0.0;
   began = omp_get_wtime();
-  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses);
-  times.backward_s = lap() - times.forward_s;
+  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses, second_half_s);
+  for (int t = 0; t < threads; ++t) times.backward_s += second_half_s[t] / threads;
+  times.forward_s = lap() - times.backward_s;
   step_visible(workspace, camera, adam);
   times.step_s = lap();
   for_each_tile_forward(workspace, camera,

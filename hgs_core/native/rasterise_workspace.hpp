@@ -79,6 +79,7 @@ struct Workspace {
   Scratch<float> pair_sums;           // (n_pairs, 8): what a second sweep adds up per pair
   Scratch<float> slot_coefficients;   // (slots, 8)
   Scratch<double> tile_losses;        // (n_tiles, 4)
+  Scratch<double> thread_times;       // (threads,), of `stages`
   Scratch<float> bias_corrections;    // Adam's, by step: (steps, 2)
 };
 
