@@ -149,6 +149,12 @@ def test_a_reloaded_page_finds_the_running_mission_again(live, open_page):
     wait_for_number(page, "frames", standing)
 
 
+def press_outside_the_scene(page: Page, key: str) -> None:
+    page.evaluate("document.activeElement.blur()")
+    page.wait_for_function("document.activeElement === document.body")
+    page.keyboard.press(key)
+
+
 def test_the_keyboard_is_enough(live, open_page):
     service = live(runner("run_slowly"))
     page = open_page(service.url)
@@ -159,10 +165,11 @@ def test_the_keyboard_is_enough(live, open_page):
     expect(page.locator("#launch")).to_be_focused()
     page.keyboard.press("Enter")
     wait_for_state(page, "running")
-    page.evaluate("document.activeElement.blur()")
-    page.keyboard.press("Space")
+    # The 3D scene takes the focus once it has loaded: keys belong to it then, not to the page.
+    expect(page.frame_locator("#scene-view").locator("canvas").first).to_be_visible(timeout=PATIENCE_MS)
+    press_outside_the_scene(page, "Space")
     wait_for_state(page, "paused")
-    page.keyboard.press("Space")
+    press_outside_the_scene(page, "Space")
     wait_for_state(page, "running")
     page.focus("#tab-candidates")
     page.keyboard.press("ArrowRight")
