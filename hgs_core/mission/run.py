@@ -18,6 +18,7 @@ from hgs_core.evaluation.result import EvaluationResult
 from hgs_core.evaluation.trajectory import Trajectory, write_trajectory
 from hgs_core.gaussians.ply import write_ply
 from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.transforms import TRANSFORMS
 from hgs_core.mission.build import MissionParts, build_mission
 from hgs_core.mission.config import MissionConfig, resolve_mission_config
 from hgs_core.mission.events import (
@@ -191,6 +192,9 @@ def _write(
     report: MissionReport,
 ) -> None:
     write_ply(parts.mapper.gaussians, folder / "map.ply")
+    if len(parts.mapper.keyframes):
+        parts.mapper.keyframes.write_transforms(folder / TRANSFORMS)
+    parts.mapper.keyframes.drop_working_files()
     trajectory = Trajectory(timestamps_s=np.array(record.timestamps_s), poses=_batched(record.poses))
     write_trajectory(trajectory, folder / "trajectory.txt")
     content = {
