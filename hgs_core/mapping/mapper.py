@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Int32
+from jaxtyping import Bool, Float, Float32, Int32
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import BLOCK, LOGIT_OPACITY, GaussianMap
 from hgs_core.gaussians.information import accumulate_information
-from hgs_core.gaussians.optimise import optimise_step
 from hgs_core.gaussians.render import render
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.geometry.boxes import Box
@@ -22,13 +21,13 @@ from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.depth_filter import training_image
 from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
+from hgs_core.mapping.replay import Replay
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
 from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap
 
 _RETIRED_LOGIT = -20.0
-_OVERLAP_MIN = 0.2
 _COMPACT_SHARE = 0.02
 
 
@@ -71,6 +70,7 @@ class Mapper:
         self._camera_range_m = camera_range_m
         self._scanner_range_m = scanner_range_m
         self._rng = rng
+        self._replay = Replay(config, rng)
         self._n_frames = 0
         self._timestamp_s = 0.0
 
@@ -90,7 +90,9 @@ class Mapper:
         psnr = _predicted_psnr(image, rendered)
         is_keyframe = self._is_keyframe(frame.T_world_camera)
         inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
-        iterations = self._optimise(image, interrupted)
+        iterations = self._replay.optimise(
+            self.gaussians, self.keyframes, image, range_m=self._camera_range_m, interrupted=interrupted
+        )
         accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera, far_m=far_m)
         if is_keyframe:
             self.keyframes.add(image, frame)
@@ -210,33 +212,6 @@ class Mapper:
         if used > 0.95:
             return 4
         return 2 if used > 0.85 else 1
-
-    def _optimise(self, image: TrainingImage, interrupted: Callable[[], bool]) -> int:
-        overlap = self.keyframes.overlap(image, range_m=self._camera_range_m)
-        neighbours = np.flatnonzero(overlap > _OVERLAP_MIN)
-        for step in range(self.config.iterations_per_frame):
-            if interrupted():
-                return step
-            target = self._target(image, neighbours)
-            optimise_step(
-                self.gaussians,
-                target.rgb,
-                target.depth_m,
-                target.intrinsics,
-                target.T_world_camera,
-                weights=self.config.loss,
-                rates=self.config.rates,
-            )
-        return self.config.iterations_per_frame
-
-    def _target(self, image: TrainingImage, neighbours: Int[ndarray, " n"]) -> TrainingImage:
-        """What one step learns from: the newest frame, a keyframe that overlaps it, or any keyframe."""
-        draw = self._rng.random()
-        if len(self.keyframes) and draw >= 1.0 - self.config.replay_share:
-            return self.keyframes.load(int(self._rng.integers(len(self.keyframes))))
-        if len(neighbours) and draw >= self.config.current_frame_share:
-            return self.keyframes.load(int(self._rng.choice(neighbours)))
-        return image
 
     def _is_keyframe(self, pose: SE3) -> bool:
         last = self.keyframes.last_pose
