@@ -53,6 +53,7 @@ class Replay:
                 target.T_world_camera,
                 weights=self._config.loss,
                 rates=self._config.rates,
+                range_m=range_m,
             )
         return self._config.iterations_per_frame
 
