@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Final
@@ -68,8 +68,8 @@ def _finite(one: Series) -> Series:
     return Series(name=one.name, x=one.x[kept], y=one.y[kept])
 
 
-def _largest(columns: object) -> float:
-    return max(float(column.max()) for column in columns if len(column))  # type: ignore[attr-defined]
+def _largest(columns: Iterable[Float[ndarray, " n"]]) -> float:
+    return max(float(column.max()) for column in columns if len(column))
 
 
 def _ticks(lower: float, upper: float) -> Float[ndarray, " n_ticks"]:

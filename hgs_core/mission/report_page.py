@@ -152,6 +152,7 @@ def _charts(series: EventSeries) -> list[str]:
         chart("Observed volume over the path", path, volume, "path [m]", "m³"),
         chart("Observed volume over time", time, volume, "mission time [s]", "m³"),
         chart("Observed, of observed and known to be missing", path, share, "path [m]", "%"),
+        chart("The same over time", time, share, "mission time [s]", "%"),
         chart("PSNR of the newest frame before it is learnt", time, series.psnr_current_db, "time [s]", "dB"),
         chart("Gaussians", time, series.n_gaussians, "mission time [s]", ""),
         chart("T_P, each planning cycle", series.plan_time_s, series.planning_s, "mission time [s]", "s"),
