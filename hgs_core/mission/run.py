@@ -47,9 +47,9 @@ def run_mission(
 ) -> MissionReport:
     """Run one mission and write its folder. Blocks until it has ended and been evaluated.
 
-    An interrupted mission leaves a complete folder at once, without the mesh and the quality figures that take
-    their time (`hgs mesh`, `hgs evaluate` and `hgs report` add them). Raises `ConfigError` or `SceneError` before anything is written;
-    a later `HgsError` ends the mission with `failed`.
+    An interrupted mission leaves a complete folder at once, without the mesh and the quality figures that
+    take their time (`hgs mesh`, `hgs evaluate` and `hgs report` add them). Raises `ConfigError` or
+    `SceneError` before anything is written; a later `HgsError` ends the mission with `failed`.
     """
     config = _resolved(request)
     kernels.set_threads(config.threads)

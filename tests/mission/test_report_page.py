@@ -15,7 +15,7 @@ from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.run import run_mission
 from hgs_core.mission.shown_views import _best_median_worst
 
-VOID = {"meta", "img", "line", "path"}
+VOID = {"meta", "img"}
 
 
 class WellFormed(HTMLParser):
@@ -32,6 +32,9 @@ class WellFormed(HTMLParser):
         self.attributes += attrs
         if tag not in VOID:
             self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
