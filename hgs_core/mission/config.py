@@ -12,6 +12,7 @@ from hgs_core.config.presets import load_preset
 from hgs_core.errors import ConfigError
 from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.mapping.config import MappingConfig
+from hgs_core.mapping.volume_fusion import MeshConfig
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.sensing.depth_camera import DepthCameraConfig
@@ -49,6 +50,7 @@ class MissionConfig(StrictConfig):
     robot: RobotConfig = RobotConfig()
     voxels: VoxelConfig = VoxelConfig()
     mapping: MappingConfig = MappingConfig()
+    mesh: MeshConfig = MeshConfig()
     gain: GainConfig = GainConfig()
     planner: PlannerConfig = PlannerConfig()
     limits: MissionLimits = MissionLimits()

@@ -70,6 +70,8 @@ def test_a_mission_leaves_a_complete_folder_and_repeats_exactly(tmp_path: Path) 
         "events.jsonl",
         "keyframes",
         "map.ply",
+        "mesh.ply",
+        "report.html",
         "report.json",
         "trajectory.txt",
         "transforms.json",
