@@ -15,6 +15,7 @@ from app.cli.exit_codes import ExitCode
 from app.cli.mesh import mesh
 from app.cli.picture import picture
 from app.cli.presets import presets
+from app.cli.refine import refine
 from app.cli.report import report
 from app.cli.run import run
 from app.cli.scenes import scenes
@@ -48,6 +49,7 @@ application = typer.Typer(
 )
 application.command()(run)
 application.command()(evaluate)
+application.command()(refine)
 application.command()(report)
 application.command()(mesh)
 application.command()(picture)

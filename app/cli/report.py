@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -21,21 +21,27 @@ def report(
 
     Exit codes: 0 done, 2 the folder is not a run's, or its scene is gone.
     """
+    from hgs_core.mission.report_page import REPORT_PAGE
+
+    with ERRORS.status("reading the run") as status:
+        write_report(folder, progress=status.update)
+    OUTPUT.print(str(folder / REPORT_PAGE), highlight=False, soft_wrap=True)
+
+
+def write_report(folder: Path, *, progress: Any) -> None:
+    """Write the page of the run in `folder`. Raises an `HgsError` where there is no such run."""
     from hgs_core.evaluation.report import MissionReport
     from hgs_core.mission.config import mission_config_from
-    from hgs_core.mission.report_page import REPORT_PAGE, write_report_page
+    from hgs_core.mission.report_page import write_report_page
     from hgs_core.native import kernels
     from hgs_core.scene.scene import open_scene
 
     content = run_config(folder / "config.yaml")
     config = mission_config_from(content["mission"], source=str(folder / "config.yaml"))
     kernels.set_threads(config.threads)
-    with ERRORS.status("reading the run") as status:
-        caster = None
-        if MissionReport.read(folder / "report.json").held_out_images:
-            status.update(f"opening {content['scene']}")
-            robot = config.robot
-            scene = open_scene(content["scene"], radius_m=robot.radius_m, height_m=robot.height_m)
-            caster = scene.caster
-        write_report_page(folder, config, caster=caster, progress=status.update)
-    OUTPUT.print(str(folder / REPORT_PAGE), highlight=False, soft_wrap=True)
+    caster = None
+    if MissionReport.read(folder / "report.json").held_out_images:
+        progress(f"opening {content['scene']}")
+        robot = config.robot
+        caster = open_scene(content["scene"], radius_m=robot.radius_m, height_m=robot.height_m).caster
+    write_report_page(folder, config, caster=caster, progress=progress)

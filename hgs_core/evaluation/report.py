@@ -96,6 +96,28 @@ class PlanningCycle(_ReportPart):
     global_s: float
 
 
+class RefinementEntry(_ReportPart):
+    """What `hgs refine` did to the map since its mission, and how good the mission had left it."""
+
+    seconds: float
+    """Wall seconds of all refinements so far."""
+    steps: int
+    psnr_db_before: Figure = None
+    """Of the map that the mission left, likewise below; null where it was not evaluated."""
+    ssim_before: Figure = None
+    median_depth_error_cm_before: Figure = None
+    accuracy_cm_before: Figure = None
+    completion_cm_observable_before: Figure = None
+    completion_ratio_observable_before: Figure = None
+
+
+_OF_THE_MAP: Final = (
+    *("accuracy_", "completion_", "precision_", "recall_", "f1_", "n_gaussians_opaque"),
+    *("psnr_", "ssim", "depth_l1_", "median_depth_", "quality_correlation", "sparsification_"),
+)
+"""How the names of the figures begin that hold for one map alone."""
+
+
 class MissionReport(_ReportPart):
     """What one mission did and how good its map is."""
 
@@ -199,6 +221,9 @@ class MissionReport(_ReportPart):
     """The same by one number for all."""
     held_out_images: tuple[HeldOutImage, ...] = ()
     """Each held-out view."""
+
+    refinement: RefinementEntry | None = None
+    """What was done to the map after the mission; null if nothing."""
 
     planning_s: PlanningSeconds = PlanningSeconds()
     planning_cycles: int = 0
@@ -325,6 +350,30 @@ class MissionReport(_ReportPart):
         return type(self).model_validate(
             {**self.model_dump(by_alias=True), **figures, "held_out_images": held_out}
         )
+
+    def refined(self, *, seconds: float, steps: int) -> MissionReport:
+        """This report after the map was optimised further, its quality figures unknown until evaluated.
+
+        Those of the mission's own map are kept under `refinement`. Figures of the mesh stay: it is made from
+        keyframes.
+        """
+        entry = self.refinement or RefinementEntry(
+            seconds=0.0,
+            steps=0,
+            psnr_db_before=self.psnr_db,
+            ssim_before=self.ssim,
+            median_depth_error_cm_before=self.median_depth_error_cm,
+            accuracy_cm_before=self.accuracy_cm,
+            completion_cm_observable_before=self.completion_cm_observable,
+            completion_ratio_observable_before=self.completion_ratio_observable,
+        )
+        entry = entry.model_copy(update={"seconds": entry.seconds + seconds, "steps": entry.steps + steps})
+        unknown = {
+            name: None
+            for name in type(self).model_fields
+            if name.startswith(_OF_THE_MAP) and not name.endswith("_mesh")
+        }
+        return self.model_copy(update={**unknown, "held_out_images": (), "refinement": entry})
 
     def write(self, path: Path) -> None:
         """Write `path` whole or not at all (temporary file beside it, then rename)."""

@@ -92,13 +92,15 @@ def optimise_step(
 
     Per pixel with `0 < depth < inf`, averaged over these pixels, and the first two only where A > 0.05:
     `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)^2`; where depth is +inf, nothing being
-    nearer than `range_m`, `free A^2`, divided by the same number. Gaussians beyond `range_m`, or more than 0.3 m
-    farther than the farthest depth, are left out: other rooms lie in the frustum, but not in the picture. Steps are counted
-    per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves
-    them. Raises `MapError` when the images do not fit the camera.
+    nearer than `range_m`, `free A^2`, divided by the same number. Gaussians beyond `range_m`, or more than
+    0.3 m farther than the farthest depth, are left out: other rooms lie in the frustum, but not in the
+    picture. Steps are counted per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow
+    where a Gaussian leaves them. Raises `MapError` when the images do not fit the camera.
     """
     total, colour_l1, depth_l1_m, pixels, covered = kernels.optimise_view(
-        *_arguments(gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m)
+        *_arguments(
+            gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m
+        )
     )
     gaussians.version += 1
     return OptimisationLoss(
@@ -137,7 +139,9 @@ def time_step(
     """The work of `optimise_step` in separate, timed passes, for benchmarks; the map moves as there, but that
     nothing far behind the picture is left out."""
     prepare_s, forward_s, backward_s, step_s, evaluations = kernels.time_stages(
-        *_arguments(gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m)
+        *_arguments(
+            gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m
+        )
     )
     gaussians.version += 1
     return StepStages(
