@@ -26,6 +26,17 @@ float interpolated_depth(const FusionView& view, float u, float v, float edge_m)
   return 1.0f / inverse;
 }
 
+// Whether a Gaussian at (u, v, z) that nothing hides is wider than this view would make it. At the border of a surface
+// its pixel may show what lies behind: then the limit there is brought to its own distance. Wide ones at borders stick
+// out of the surface, and averaging never touches them.
+bool is_coarse(const FusionView& view, float u, float v, float z, float gate, float radius) {
+  if (!(u >= 0.0f) || !(v >= 0.0f) || !(u < float(view.width)) || !(v < float(view.height))) return false;
+  const long at = long(v) * view.width + long(u);
+  const float seen = view.depth[at];
+  if (!(seen > 0.0f) || !std::isfinite(seen) || seen < z - gate) return false;
+  return radius > view.largest_radius[at] * std::min(1.0f, z / seen);
+}
+
 // Whether a box may touch the view up to a depth: false only when all corners lie behind, beyond that depth or beyond
 // one image border.
 bool block_in_view(const float* bounds, const FusionView& view, float farthest) {
@@ -78,14 +89,13 @@ void fuse_centres(float* parameters, std::uint16_t* counts, long n, const float*
       const float u = view.fx * (r[0] * d[0] + r[3] * d[1] + r[6] * d[2]) / z + view.cx;
       const float v = view.fy * (r[1] * d[0] + r[4] * d[1] + r[7] * d[2]) / z + view.cy;
       const float gate = gate_m + gate_slope * z;
+      if (is_coarse(view, u, v, z, gate, std::exp(centre[6]))) mine.push_back(std::int32_t(i));
       const float seen = interpolated_depth(view, u, v, 4.0f * gate);
       if (seen == 0.0f || std::abs(seen - z) > gate) continue;
       const int count = std::min<int>(counts[i], max_count);
       const float factor = 1.0f + (seen / z - 1.0f) / float(count + 1);
       for (int axis = 0; axis < 3; ++axis) centre[axis] = t[axis] + d[axis] * factor;
       counts[i] = std::uint16_t(std::min<int>(counts[i] + 1, 65535));
-      const float largest = view.largest_radius[long(v) * view.width + long(u)];
-      if (std::exp(centre[6]) > largest) mine.push_back(std::int32_t(i));
     }
   }
   // A static schedule gives each thread one ascending run of blocks: joining the runs keeps the order.

@@ -54,15 +54,19 @@ def naive(parameters: np.ndarray, counts: np.ndarray, wall_m: float) -> tuple[np
     moved, coarse = parameters.copy(), []
     camera_points = POSE.inverse().apply(parameters[:, :3].astype(float))
     for i, (x, y, z) in enumerate(camera_points):
-        if z < 0.1 or abs(wall_m - z) > GATE_M + SLOPE * z:
+        if z < 0.1:
             continue
-        u, v = CAMERA.fx * x / z + CAMERA.cx - 0.5, CAMERA.fy * y / z + CAMERA.cy - 0.5
-        if not (0 <= u < CAMERA.width - 1 and 0 <= v < CAMERA.height - 1):
-            continue
-        fused = z + (wall_m - z) / (min(counts[i], MOST) + 1)
-        moved[i, :3] = POSE.apply(np.array([[x, y, z]]) * fused / z)[0]
-        if np.exp(parameters[i, 6]) > LARGEST_RADIUS[int(v + 0.5), int(u + 0.5)]:
-            coarse.append(i)
+        gate = GATE_M + SLOPE * z
+        u, v = CAMERA.fx * x / z + CAMERA.cx, CAMERA.fy * y / z + CAMERA.cy
+        hidden = wall_m < z - gate
+        if 0 <= u < CAMERA.width and 0 <= v < CAMERA.height and not hidden:
+            limit = LARGEST_RADIUS[int(v), int(u)] * min(1.0, z / wall_m)
+            if np.exp(parameters[i, 6]) > limit:
+                coarse.append(i)
+        whole = 0.5 <= u < CAMERA.width - 0.5 and 0.5 <= v < CAMERA.height - 0.5
+        if whole and abs(wall_m - z) <= gate:
+            fused = z + (wall_m - z) / (min(counts[i], MOST) + 1)
+            moved[i, :3] = POSE.apply(np.array([[x, y, z]]) * fused / z)[0]
     return moved, coarse
 
 
@@ -77,6 +81,18 @@ def test_centres_move_as_in_a_plain_loop() -> None:
     touched = np.any(expected != before, axis=1)
     assert 100 < touched.sum() < 900
     assert np.array_equal(gaussians.n_depth_observations[:1000] > counts, touched)
+
+
+def test_wide_gaussians_at_a_border_are_coarse_though_their_pixel_shows_what_is_behind() -> None:
+    """One column before a wall: wider than this view would make it, finer, and hidden by the wall."""
+    parameters = np.zeros((3, 8), np.float32)
+    parameters[:, :3] = POSE.apply(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 3.5]]))
+    u, v = int(CAMERA.cx), int(CAMERA.cy)
+    limit = LARGEST_RADIUS[v, u] * 1.0 / 3.0  # what a radius at the wall's 3 m spans in the image, at 1 m
+    parameters[:, 6] = np.log([1.05 * limit, 0.95 * limit, 10.0])
+    gaussians = GaussianMap()
+    gaussians.append(parameters, anchor_keyframe=0)
+    assert fuse(gaussians, np.full((40, 60), 3.0), POSE).tolist() == [0]
 
 
 def test_nothing_moves_without_a_measurement() -> None:

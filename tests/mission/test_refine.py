@@ -139,7 +139,7 @@ def test_what_is_missing_is_named_and_nothing_is_rewritten(run_folder: Path) -> 
             interrupted=lambda: False,
         )
     (run_folder / "transforms.json").unlink()
-    with pytest.raises(MapError, match="transforms.json"):
+    with pytest.raises(MapError, match=r"transforms\.json"):
         refine(run_folder, steps=1)
     result = CliRunner().invoke(application, ["refine", str(run_folder), "--time", "1"])
     assert result.exit_code == 2
