@@ -27,7 +27,8 @@ h3 { font-size: 16px; margin: 20px 0 6px; } p { max-width: 80ch; margin: 6px 0; 
 .lead { color: var(--faint); } .wide { width: 100%; }
 table { border-collapse: collapse; width: 100%; } th { text-align: left; font-weight: 600; }
 td, th { padding: 4px 12px 4px 0; border-bottom: 1px solid var(--edge); vertical-align: top; }
-td.value { font-variant-numeric: tabular-nums; white-space: nowrap; text-align: right; }
+td.value { font-variant-numeric: tabular-nums; white-space: nowrap; }
+.value { text-align: right; }
 td.meaning { color: var(--faint); }
 .grid2 { display: grid; grid-template-columns: repeat(auto-fit, minmax(440px, 1fr)); gap: 12px; }
 .views { display: grid; grid-template-columns: repeat(auto-fit, minmax(340px, 1fr)); gap: 10px; }
@@ -55,10 +56,13 @@ def page(title: str, body: Sequence[str]) -> str:
     )
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Rows of a name, a value and what it means; texts are escaped here."""
-    classes = ("name", "value", "meaning")
-    heads = "".join(f"<th>{escape(text)}</th>" for text in head)
+def table(
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    classes: Sequence[str] = ("name", "value", "meaning"),
+) -> str:
+    """Rows of texts, which are escaped here; `classes` says how each column is set."""
+    heads = "".join(f'<th class="{css}">{escape(text)}</th>' for css, text in zip(classes, head, strict=True))
     lines = [
         "".join(f'<td class="{css}">{escape(text)}</td>' for css, text in zip(classes, row, strict=True))
         for row in rows

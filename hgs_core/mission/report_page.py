@@ -32,7 +32,7 @@ from hgs_core.mission.shown_views import KeyframeViews, ShownView, held_out_view
 from hgs_core.scene.ray_caster import RayCaster
 
 REPORT_PAGE: Final = "report.html"
-_LARGEST_ERROR: Final = 0.3
+_LARGEST_ERROR: Final = 0.15
 """Colour error that is drawn brightest; colours are 0..1."""
 
 _REASONS: Final = {
@@ -203,7 +203,7 @@ def _views(
                 "Held-out views, from poses that no frame was taken from. Figures are over surface that some "
                 "frame had seen; pictures show everything."
             ),
-            table(("predictor of the error", "rank correlation", "sparsification error"), _scores(report)),
+            _score_table(_scores(report)),
         ]
     else:
         views = keyframe_views(KeyframeArchive.open(folder), gaussians, predictors)
@@ -211,9 +211,10 @@ def _views(
         body += [
             paragraph(
                 "This run has no held-out views, so these are keyframes, which the map was learnt from: it "
-                "is better here than elsewhere. Figures are over pixels with a measured depth."
+                "is better here than elsewhere. Figures are over pixels with a measured depth; pictures show "
+                "everything."
             ),
-            table(("predictor of the error", "rank correlation", "sparsification error"), _scores_of(views)),
+            _score_table(_scores_of(views)),
         ]
     body.append(
         paragraph(
@@ -226,6 +227,11 @@ def _views(
     for view in shown:
         body += _view(view)
     return body
+
+
+def _score_table(rows: Sequence[tuple[str, str, str]]) -> str:
+    head = ("predictor of the error", "rank correlation", "sparsification error")
+    return table(head, rows, ("name", "value", "value"))
 
 
 def _scores(report: MissionReport) -> list[tuple[str, str, str]]:
