@@ -67,6 +67,7 @@ class Catalogue:
             preset=wish.preset,
             seed=wish.seed,
             max_time_s=wish.max_time_s,
+            clock=wish.clock,
             overrides=dict(wish.overrides),
         )
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.missions.display import IMAGE_KINDS
 from app.missions.states import MissionState
+from hgs_core.mission.clock import ClockKind
 
 OverrideKey = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_.]{0,99}$")]
 OverrideValue = Annotated[str, StringConstraints(max_length=500)]
@@ -26,7 +27,9 @@ class MissionCreate(ApiModel):
     """A mission preset by name."""
     seed: int = Field(0, ge=0, le=2**31 - 1)
     max_time_s: float | None = Field(None, gt=0, le=1e6)
-    """Limit of simulated time [s]; none by default."""
+    """Limit of mission time [s]; none by default."""
+    clock: ClockKind | None = None
+    """`lockstep`: repeatable; `real`: mapper and planner must keep up with the robot. None: the preset's."""
     overrides: dict[OverrideKey, OverrideValue] = Field(default_factory=dict, max_length=64)
     """Settings that differ from the preset, `key.path = value`."""
 
@@ -36,7 +39,7 @@ class MissionFigures(ApiModel):
 
     sequence: int
     time_s: float
-    """Simulated time [s]."""
+    """Mission time [s]."""
     frame: int
     x_m: float
     y_m: float
@@ -51,6 +54,12 @@ class MissionFigures(ApiModel):
     """Newest image against the map; none when it has no finite value."""
     mapping_s: float
     """Wall time of mapping for the newest frame [s]."""
+    iterations: int | None
+    """Optimisation steps so far; none in missions of earlier versions."""
+    frames_dropped: int | None
+    """Frames that fell due while mapper and planner were busy, and were never taken."""
+    frames_thinned: int | None
+    """Frames that showed nothing new and went into the voxels alone."""
     wall_s: float
 
 
@@ -60,6 +69,8 @@ class MissionSummary(ApiModel):
     preset: str
     seed: int
     max_time_s: float | None
+    clock: ClockKind | None
+    """As ordered; none: the preset's."""
     overrides: dict[str, str]
     state: MissionState
     reason: str

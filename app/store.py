@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from app.missions.states import MissionState
 from hgs_core.config.base import StrictConfig
 from hgs_core.errors import ConfigError
+from hgs_core.mission.clock import ClockKind
 
 
 class MissionRecord(StrictConfig):
@@ -25,6 +26,8 @@ class MissionRecord(StrictConfig):
     preset: str
     seed: int
     max_time_s: float | None
+    clock: ClockKind | None = None
+    """None = the preset's."""
     overrides: dict[str, str]
     idempotency_key: str | None
     created_at: float

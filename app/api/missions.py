@@ -24,6 +24,9 @@ METRIC_COLUMNS = (
     "n_gaussians",
     "n_keyframes",
     "mapping_s",
+    "iterations",
+    "frames_dropped",
+    "frames_thinned",
     "collisions",
 )
 

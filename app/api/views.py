@@ -32,6 +32,7 @@ def _common(mission: Mission) -> dict[str, Any]:
         "preset": record.preset,
         "seed": record.seed,
         "max_time_s": record.max_time_s,
+        "clock": record.clock,
         "overrides": record.overrides,
         "state": record.state,
         "reason": record.reason,

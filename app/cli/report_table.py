@@ -16,11 +16,12 @@ def report_table(report: MissionReport) -> Table:
     table.add_column("value", justify="right")
     table.add_column("")
     ended = f"{report.stop_reason}: {report.stop_message}" if report.stop_message else report.stop_reason
+    wall = _number(report.wall_s, 0, "s")
     rows: list[tuple[str, str, str]] = [
         ("ended", report.stop_reason, ended.removeprefix(f"{report.stop_reason}: ")),
-        ("time", _number(report.sim_time_s, 1, "s"), f"simulated; {_number(report.wall_s, 0, 's')} wall"),
+        ("time", _number(report.sim_time_s, 1, "s"), f"{report.clock} clock; {wall} wall"),
         ("path", _number(report.path_length_m, 1, "m"), f"{report.collisions} collisions"),
-        ("frames", str(report.frames), f"{report.keyframes} keyframes"),
+        ("frames", str(report.frames), _frames(report)),
         ("Gaussians", f"{report.n_gaussians:,}", ""),
         ("accuracy", _number(report.accuracy_cm, 2, "cm"), "all centres to the true surface"),
         ("completion", _number(report.completion_cm, 2, "cm"), "whole surface"),
@@ -48,6 +49,13 @@ def report_table(report: MissionReport) -> Table:
     for reason, volume in sorted(volumes.items()):
         table.add_row("left unseen", _number(volume, 2, "m³"), reason.replace("_", " "))
     return table
+
+
+def _frames(report: MissionReport) -> str:
+    keyframes = f"{report.keyframes} keyframes"
+    if report.clock == "lockstep":
+        return keyframes
+    return f"{keyframes}, {report.frames_thinned} thinned, {report.frames_dropped} dropped"
 
 
 def _number(value: float | None, decimals: int, unit: str = "") -> str:

@@ -12,6 +12,7 @@ from app.cli.exit_codes import exit_code_of
 from app.cli.interrupts import InterruptCommands
 from app.cli.progress import MissionProgress
 from app.cli.report_table import report_table
+from hgs_core.mission.clock import ClockKind
 
 
 def run(
@@ -20,9 +21,17 @@ def run(
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results; must be absent or empty.")],
     preset: Annotated[str, typer.Option(help="Mission preset; `hgs presets` lists them.")] = "paper",
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory (lockstep clock).")] = 0,
     max_time: Annotated[
-        float | None, typer.Option(min=0.0, metavar="S", help="Simulated seconds after which to stop.")
+        float | None, typer.Option(min=0.0, metavar="S", help="Mission time in seconds after which to stop.")
+    ] = None,
+    clock: Annotated[
+        ClockKind | None,
+        typer.Option(
+            help="lockstep: mission time is counted, and the same seed gives the same mission; real: it is "
+            "wall time, and mapper and planner must keep up with the robot.",
+            show_default="the preset's, lockstep",
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -44,7 +53,13 @@ def run(
     from hgs_core.mission import run as mission  # takes seconds to import: not for --help and wrong options
 
     request = mission.MissionRequest(
-        scene=scene, preset=preset, seed=seed, out=out, max_time_s=max_time, overrides=overrides
+        scene=scene,
+        preset=preset,
+        seed=seed,
+        out=out,
+        max_time_s=max_time,
+        overrides=overrides,
+        clock=str(clock) if clock is not None else None,
     )
     progress = MissionProgress(ERRORS)
     with progress, InterruptCommands(progress.say) as commands:

@@ -37,6 +37,7 @@ class ChildTask:
     seed: int
     out: str
     max_time_s: float | None
+    clock: str | None
     overrides: dict[str, str]
     threads: int
     log_file: str
@@ -80,6 +81,7 @@ def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: 
             seed=task.seed,
             out=Path(task.out),
             max_time_s=task.max_time_s,
+            clock=task.clock,
             overrides=dict(task.overrides),
         )
         run(

@@ -18,6 +18,7 @@ from app.missions.supervisor import Supervisor
 from app.missions.transport import ArraySlot
 from app.settings import Settings
 from app.store import MissionRecord, MissionStore
+from hgs_core.mission.clock import ClockKind
 
 log = logging.getLogger(__name__)
 
@@ -35,6 +36,7 @@ class MissionOrder:
     preset: str
     seed: int
     max_time_s: float | None
+    clock: ClockKind | None = None
     overrides: dict[str, str] = field(default_factory=dict)
 
 
@@ -80,6 +82,7 @@ class MissionService:
                 preset=order.preset,
                 seed=order.seed,
                 max_time_s=order.max_time_s,
+                clock=order.clock,
                 overrides=order.overrides,
                 idempotency_key=idempotency_key,
                 created_at=time.time(),
@@ -160,6 +163,7 @@ class MissionService:
             seed=record.seed,
             out=str(mission.results_dir),
             max_time_s=record.max_time_s,
+            clock=str(record.clock) if record.clock is not None else None,
             overrides=record.overrides,
             threads=self._settings.mission_threads,
             log_file=str(mission.log_file),
@@ -210,5 +214,6 @@ def _order_of(record: MissionRecord) -> MissionOrder:
         preset=record.preset,
         seed=record.seed,
         max_time_s=record.max_time_s,
+        clock=record.clock,
         overrides=record.overrides,
     )

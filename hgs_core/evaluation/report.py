@@ -127,6 +127,8 @@ class MissionReport(_ReportPart):
     scene: str
     """Name or file of the scene."""
     seed: int
+    clock: str = "lockstep"
+    """lockstep or real."""
     planner: str
     """The planner's name: the mission's preset unless a planner was named."""
     stop_reason: str
@@ -136,10 +138,15 @@ class MissionReport(_ReportPart):
     wall_s: Figure = None
     """Wall seconds of the whole mission, evaluation excluded."""
     sim_time_s: Figure = None
-    """Mission time: simulated seconds under the lockstep clock."""
+    """Mission time: what the robot lived through; counted under the lockstep clock, measured under the real
+    one."""
     path_length_m: Figure = None
     frames: int
-    """Frames integrated."""
+    """Frames taken."""
+    frames_dropped: int = 0
+    """Frames that fell due while mapper and planner were busy, and were never taken."""
+    frames_thinned: int = 0
+    """Frames taken that showed nothing new and went into the voxels alone."""
     keyframes: int
     n_gaussians: int
     """Gaussians in the final map."""
@@ -229,6 +236,8 @@ class MissionReport(_ReportPart):
     planning_cycles: int = 0
     mapping_s_per_frame: Figure = None
     """Mean wall seconds of mapping for a frame."""
+    iterations: int | None = None
+    """Optimisation steps of the whole mission."""
     real_time_factor: Figure = None
     """Mission time / wall time busy with mapping and planning (simulator and browser excluded)."""
     simulation_wall_s: Figure = None
@@ -264,6 +273,10 @@ class MissionReport(_ReportPart):
         peak_rss_mib: float,
         planning_cycles: Sequence[PlanningCycle],
         mapping_s: Sequence[float],
+        clock: str,
+        iterations: int,
+        frames_dropped: int,
+        frames_thinned: int,
         simulation_wall_s: float,
         collisions: int,
         unseen: Sequence[UnseenEntry],
@@ -274,7 +287,7 @@ class MissionReport(_ReportPart):
     ) -> MissionReport:
         """Put a mission's facts and its evaluation together.
 
-        `mapping_s` holds wall seconds for each integrated frame. Without `evaluation` (a mission that failed,
+        `mapping_s` holds wall seconds for each frame taken. Without `evaluation` (a mission that failed,
         or was interrupted before one) every quality figure is null.
         """
         totals = [cycle.viewpoint_evaluation_s + cycle.local_s + cycle.global_s for cycle in planning_cycles]
@@ -288,7 +301,11 @@ class MissionReport(_ReportPart):
             wall_s=wall_s,
             sim_time_s=sim_time_s,
             path_length_m=path_length_m,
+            clock=clock,
             frames=frames,
+            frames_dropped=frames_dropped,
+            frames_thinned=frames_thinned,
+            iterations=iterations,
             keyframes=keyframes,
             n_gaussians=n_gaussians,
             peak_rss_mib=peak_rss_mib,

@@ -45,11 +45,27 @@ class InsertionConfig(StrictConfig):
     """Gaussians so many times larger than this view would place are replaced by finer ones."""
 
 
+class ThinningConfig(StrictConfig):
+    """Under the real clock: which frames go into the voxels alone, so that their time is left for replay."""
+
+    translation_m: float = Field(0.05, ge=0)
+    """Only frames from less far than this from the frame learnt last ..."""
+    rotation_deg: float = Field(3.0, ge=0)
+    """... and turned by less than this ..."""
+    psnr_db: float = Field(24.0, gt=0)
+    """... whose colours the map foretells at least this well ..."""
+    missing_share: float = Field(0.01, ge=0, le=1)
+    """... and in which the map leaves out at most this share of the measured surface."""
+
+
 class MappingConfig(StrictConfig):
     """The Gaussian mapper: bounded work for every frame."""
 
-    iterations_per_frame: int = Field(10, ge=0)
-    """Optimisation steps after each frame, one image each, at half resolution."""
+    iterations_per_s: float = Field(25.0, ge=0)
+    """Optimisation steps a second of mission time, one image each, at half resolution (lockstep clock). Under
+    the real clock there are as many as time is left for."""
+    iterations_accrue_s: float = Field(1.0, ge=0)
+    """Steps are earned for at most so long a time between two frames: a long wait brings no burst."""
     current_frame_share: float = Field(0.3, ge=0, le=1)
     """Share of the steps spent on the newest frame."""
     replay_share: float = Field(0.4, ge=0, le=1)
@@ -65,6 +81,7 @@ class MappingConfig(StrictConfig):
     """Gaussians fainter than this are dropped."""
     fusion: DepthFusionConfig = DepthFusionConfig()
     insertion: InsertionConfig = InsertionConfig()
+    thinning: ThinningConfig = ThinningConfig()
     loss: LossWeights = LossWeights()
     rates: LearningRates = LearningRates()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int32
+from jaxtyping import Float32, Int32
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import BLOCK, LOGIT_OPACITY, GaussianMap
@@ -17,10 +17,12 @@ from hgs_core.gaussians.render import render
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.accrued_steps import AccruedSteps
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.depth_filter import training_image
 from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
+from hgs_core.mapping.redundancy import foretold_psnr, is_near, moved_and_turned, predicted_psnr
 from hgs_core.mapping.replay import Replay
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
@@ -38,8 +40,9 @@ class IntegrationReport:
     inserted: int
     retired: int
     """Coarse Gaussians replaced by finer ones."""
-    iterations: int
     keyframe: bool
+    thinned: bool
+    """The frame showed nothing new and went into the voxels alone."""
     psnr_predicted_db: float
     """Of the frame against the map *before* it was learnt, over pixels the map covered; NaN if too few."""
 
@@ -47,9 +50,9 @@ class IntegrationReport:
 class Mapper:
     """Turns frames and scans into a voxel map and a Gaussian map, with bounded work for each.
 
-    A frame: integrate voxels; halve and smooth; average depth into the centres in view; replace what is too
-    coarse; add what is missing; optimise a few steps on this frame and overlapping keyframes; now and then
-    prune. Work follows what the camera sees, not the size of the map.
+    `integrate` a frame: integrate voxels; halve and smooth; average depth into the centres in view; replace
+    what is too coarse; add what is missing; now and then prune. Then `optimise` some steps on this frame and
+    on keyframes. Work follows what the camera sees, not the size of the map.
     """
 
     def __init__(
@@ -71,6 +74,10 @@ class Mapper:
         self._scanner_range_m = scanner_range_m
         self._rng = rng
         self._replay = Replay(config, rng)
+        self._steps = AccruedSteps(config.iterations_per_s, at_most_s=config.iterations_accrue_s)
+        self._newest: TrainingImage | None = None
+        self._learn_newest = True
+        self._learnt_pose: SE3 | None = None
         self._n_frames = 0
         self._timestamp_s = 0.0
 
@@ -78,34 +85,44 @@ class Mapper:
         self.voxels.integrate_scan(scan, range_m=self._scanner_range_m)
         self._timestamp_s = scan.timestamp_s
 
-    def integrate(self, frame: Frame, *, interrupted: Callable[[], bool]) -> IntegrationReport:
-        """Learn one frame. `interrupted` is polled between optimisation steps and ends them early."""
+    def integrate(self, frame: Frame, *, may_thin: bool = False) -> IntegrationReport:
+        """Take one frame in. With `may_thin`, a frame that shows nothing new (`ThinningConfig`) goes into the
+        voxels alone.
+        """
         self.voxels.integrate_frame(frame, range_m=self._camera_range_m)
-        image = training_image(frame, self.config.fusion)
-        spacing_m = wanted_spacing(image, self.config.insertion)
-        retired = self._fuse_depth(image, spacing_m)
-        # What lies behind the farthest surface in view is hidden, and the larger the map, the more of it.
-        far_m = image.farthest_m + kernels.BEHIND_M
-        rendered = render(self.gaussians, image.intrinsics, image.T_world_camera, far_m=far_m)
-        psnr = _predicted_psnr(image, rendered)
-        is_keyframe = self._is_keyframe(frame.T_world_camera)
-        inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
-        iterations = self._replay.optimise(
-            self.gaussians, self.keyframes, image, range_m=self._camera_range_m, interrupted=interrupted
-        )
-        accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera, far_m=far_m)
-        if is_keyframe:
-            self.keyframes.add(image, frame)
-        self._n_frames += 1
-        if self._n_frames % self.config.prune_interval == 0:
-            self.prune(compact_share=_COMPACT_SHARE)
+        self._steps.earn(frame.timestamp_s)
         self._timestamp_s = frame.timestamp_s
-        return IntegrationReport(
-            inserted=inserted,
-            retired=retired,
-            iterations=iterations,
-            keyframe=is_keyframe,
-            psnr_predicted_db=psnr,
+        image = training_image(frame, self.config.fusion)
+        self._newest = image
+        if may_thin and is_near(frame.T_world_camera, self._learnt_pose, self.config.thinning):
+            foretold = foretold_psnr(self.gaussians, image, self.config.insertion, self.config.thinning)
+            if foretold is not None:
+                self._learn_newest = False
+                return IntegrationReport(
+                    inserted=0, retired=0, keyframe=False, thinned=True, psnr_predicted_db=foretold
+                )
+        self._learn_newest = True
+        self._learnt_pose = frame.T_world_camera
+        return self._learn(frame, image)
+
+    def optimise(
+        self, *, interrupted: Callable[[], bool], time_left: Callable[[], bool] | None = None
+    ) -> int:
+        """Optimisation steps on the newest frame and on keyframes; returns how many.
+
+        As many as mission time has earned (`MappingConfig.iterations_per_s`), or, where it is given, as long
+        as `time_left` holds. Both are asked before every step, and `interrupted` ends the steps early.
+        """
+        if self._newest is None:
+            return 0
+        pays = self._steps.spend if time_left is None else time_left
+        return self._replay.optimise(
+            self.gaussians,
+            self.keyframes,
+            self._newest,
+            learn_image=self._learn_newest,
+            range_m=self._camera_range_m,
+            may_step=lambda: not interrupted() and pays(),
         )
 
     def snapshot(self) -> MapSnapshot:
@@ -143,10 +160,13 @@ class Mapper:
         return 0
 
     def state(self) -> dict[str, Any]:
+        """Everything that later frames depend on; to be taken between two frames, after `optimise`."""
         return {
             "gaussians": self.gaussians.state(),
             "voxels": self.voxels.state(),
             "keyframes": self.keyframes.state(),
+            "steps": self._steps.state(),
+            "learnt_pose": None if self._learnt_pose is None else self._learnt_pose.as_matrix(),
             "rng": self._rng.bit_generator.state,
             "n_frames": self._n_frames,
             "timestamp_s": self._timestamp_s,
@@ -156,9 +176,32 @@ class Mapper:
         self.gaussians = GaussianMap.restore(state["gaussians"])
         self.voxels = VoxelMap.restore(state["voxels"])
         self.keyframes = KeyframeStore.restore(keyframe_folder, state["keyframes"])
+        self._steps.restore(state["steps"])
+        learnt = state["learnt_pose"]
+        self._learnt_pose = None if learnt is None else SE3.from_matrix(learnt)
+        self._newest = None
         self._rng.bit_generator.state = state["rng"]
         self._n_frames = state["n_frames"]
         self._timestamp_s = state["timestamp_s"]
+
+    def _learn(self, frame: Frame, image: TrainingImage) -> IntegrationReport:
+        spacing_m = wanted_spacing(image, self.config.insertion)
+        retired = self._fuse_depth(image, spacing_m)
+        # What lies behind the farthest surface in view is hidden, and the larger the map, the more of it.
+        far_m = image.farthest_m + kernels.BEHIND_M
+        rendered = render(self.gaussians, image.intrinsics, image.T_world_camera, far_m=far_m)
+        psnr = predicted_psnr(image, rendered)
+        is_keyframe = self._is_keyframe(frame.T_world_camera)
+        inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
+        accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera, far_m=far_m)
+        if is_keyframe:
+            self.keyframes.add(image, frame)
+        self._n_frames += 1
+        if self._n_frames % self.config.prune_interval == 0:
+            self.prune(compact_share=_COMPACT_SHARE)
+        return IntegrationReport(
+            inserted=inserted, retired=retired, keyframe=is_keyframe, thinned=False, psnr_predicted_db=psnr
+        )
 
     def _fuse_depth(self, image: TrainingImage, spacing_m: Float32[ndarray, "height width"]) -> int:
         """Average this depth into the centres in view; retire those that this view would place much finer."""
@@ -217,18 +260,8 @@ class Mapper:
         last = self.keyframes.last_pose
         if last is None:
             return True
-        moved = float(np.linalg.norm(pose.translation - last.translation))
-        cosine = (np.trace(last.rotation.T @ pose.rotation) - 1.0) / 2.0
-        turned_deg = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        moved_m, turned_deg = moved_and_turned(pose, last)
         return (
-            moved >= self.config.keyframe_translation_m - 1e-6
+            moved_m >= self.config.keyframe_translation_m - 1e-6
             or turned_deg >= self.config.keyframe_rotation_deg - 1e-6
         )
-
-
-def _predicted_psnr(image: TrainingImage, rendered: RenderedView) -> float:
-    covered: Bool[ndarray, "h w"] = (rendered.silhouette > 0.9) & (image.depth_m > 0)
-    if covered.sum() < 1000:
-        return float("nan")
-    difference: Float[ndarray, "n 3"] = rendered.colour[covered] - image.rgb[covered] / np.float32(255.0)
-    return float(-10.0 * np.log10(max(float(np.mean(np.square(difference))), 1e-10)))

@@ -32,19 +32,20 @@ class Replay:
         keyframes: KeyframeStore,
         image: TrainingImage,
         *,
+        learn_image: bool,
         range_m: float,
-        interrupted: Callable[[], bool],
+        may_step: Callable[[], bool],
     ) -> int:
-        """Take the steps that a frame gets; `interrupted` is polled before each and ends them early.
+        """Take steps as long as `may_step`, asked before each, allows. Returns how many were taken.
 
-        Returns how many were taken.
+        `image` is the newest frame: what overlaps it is preferred; without `learn_image` it is not itself
+        learnt from as long as there are keyframes.
         """
         overlap = keyframes.overlap(image, range_m=range_m)
         neighbours = np.flatnonzero(overlap > _OVERLAP_MIN)
-        for step in range(self._config.iterations_per_frame):
-            if interrupted():
-                return step
-            target = self._target(keyframes, image, neighbours)
+        n_steps = 0
+        while may_step():
+            target = self._target(keyframes, image, neighbours, learn_image=learn_image)
             optimise_step(
                 gaussians,
                 target.rgb,
@@ -55,15 +56,25 @@ class Replay:
                 rates=self._config.rates,
                 range_m=range_m,
             )
-        return self._config.iterations_per_frame
+            n_steps += 1
+        return n_steps
 
     def _target(
-        self, keyframes: KeyframeStore, image: TrainingImage, neighbours: Int[ndarray, " n"]
+        self,
+        keyframes: KeyframeStore,
+        image: TrainingImage,
+        neighbours: Int[ndarray, " n"],
+        *,
+        learn_image: bool,
     ) -> TrainingImage:
         """What one step learns from: the newest frame, a keyframe that overlaps it, or any keyframe."""
-        draw = self._rng.random()
-        if len(keyframes) and draw >= 1.0 - self._config.replay_share:
+        if len(keyframes) == 0:
+            return image
+        draw = self._rng.random() if learn_image else self._rng.uniform(self._config.current_frame_share, 1.0)
+        if draw >= 1.0 - self._config.replay_share:
             return keyframes.load(int(self._rng.integers(len(keyframes))))
         if len(neighbours) and draw >= self._config.current_frame_share:
             return keyframes.load(int(self._rng.choice(neighbours)))
+        if not learn_image:
+            return keyframes.load(int(self._rng.integers(len(keyframes))))
         return image

@@ -9,6 +9,7 @@ import numpy as np
 
 from hgs_core.gain.evaluator import PanoramaGainEvaluator
 from hgs_core.mapping.mapper import Mapper
+from hgs_core.mission.clock import clock_of
 from hgs_core.mission.config import MissionConfig
 from hgs_core.mission.events import CommandSource, MissionObserver
 from hgs_core.mission.mission import Mission
@@ -78,7 +79,7 @@ def build_mission(
         planner=planner,
         planner_rng=np.random.default_rng(planner_seed),
         limits=config.limits,
-        frame_interval_s=config.sensor.camera.frame_interval_s,
+        clock=clock_of(config.clock, config.sensor.camera.frame_interval_s),
         observer=observer,
         commands=commands,
     )

@@ -14,6 +14,7 @@ from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
+from hgs_core.mission.clock import ClockKind
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.sensing.depth_camera import DepthCameraConfig
@@ -35,9 +36,10 @@ class MissionLimits(StrictConfig):
     """When a mission ends although there is more to see, and what thinking costs."""
 
     max_time_s: float = Field(3600.0, gt=0)
-    """Simulated seconds after which the mission ends with `time_limit`."""
+    """Mission time [s] after which the mission ends with `time_limit`."""
     planning_time_s: float = Field(0.1, ge=0)
-    """Simulated seconds that one planning cycle costs; the robot stands meanwhile."""
+    """Mission time [s] that one planning cycle costs under the lockstep clock; the robot stands meanwhile.
+    Under the real clock it costs what it takes."""
     stuck_after_plans: int = Field(25, ge=2)
     """So many plans in a row without moving or turning end the mission with `stuck`."""
 
@@ -56,6 +58,9 @@ class MissionConfig(StrictConfig):
     gain: GainConfig = GainConfig()
     planner: PlannerConfig = PlannerConfig()
     limits: MissionLimits = MissionLimits()
+    clock: ClockKind = ClockKind.LOCKSTEP
+    """`lockstep`: mission time is counted, and the same seed gives the same mission; `real`: it is wall time,
+    the simulator's excepted, and mapper and planner must keep up."""
     threads: int = Field(2, ge=1)
     """Threads of every kernel; part of what makes a run repeatable."""
     evaluate: bool = True

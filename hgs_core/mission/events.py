@@ -38,7 +38,7 @@ class StopReason(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionEvent:
-    """Base: `time_s` is mission time (simulated seconds under the lockstep clock)."""
+    """Base: `time_s` is mission time (see `hgs_core.mission.clock`)."""
 
     kind: ClassVar[str]
     time_s: float
@@ -56,7 +56,7 @@ class PhaseChanged(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Telemetry(MissionEvent):
-    """After every integrated frame."""
+    """After every frame taken."""
 
     kind: ClassVar[str] = "telemetry"
     frame: int
@@ -72,7 +72,13 @@ class Telemetry(MissionEvent):
     psnr_current_db: float
     """Of the newest frame against the map, observed surface."""
     mapping_s: float
-    """Wall seconds that mapping took for this frame."""
+    """Wall seconds that mapping took for this frame, optimisation included."""
+    iterations: int
+    """Optimisation steps so far."""
+    frames_dropped: int
+    """Frames so far that fell due while mapper and planner were busy, and were never taken."""
+    frames_thinned: int
+    """Frames so far that showed nothing new and went into the voxels alone."""
     wall_s: float
     """Wall seconds since the mission began."""
 

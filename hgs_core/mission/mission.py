@@ -13,6 +13,7 @@ from numpy import ndarray
 from hgs_core.gaussians.render import render
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.mapper import IntegrationReport, Mapper
+from hgs_core.mission.clock import Clock, ClockKind
 from hgs_core.mission.config import MissionLimits
 from hgs_core.mission.events import (
     Command,
@@ -30,7 +31,7 @@ from hgs_core.mission.events import (
 from hgs_core.planning.plan import NothingLeft, Plan, Planner, PlanningTimes, UnseenReason, UnseenRegion
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import Robot
-from hgs_core.sensing.frame import Frame
+from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.sensing.sensor import Scanner, Sensor
 
 _PAUSE_POLL_S = 0.05
@@ -43,8 +44,15 @@ class MissionRecord:
     timestamps_s: list[float] = field(default_factory=list)
     poses: list[SE3] = field(default_factory=list)
     sensing_s: list[float] = field(default_factory=list)
-    """Wall seconds of delivering each frame and scan: the simulator's, under the lockstep clock."""
+    """Wall seconds of delivering each frame and scan: the simulator's."""
     mapping_s: list[float] = field(default_factory=list)
+    """Wall seconds of mapping for each frame: taking in scan and frame, and the steps that followed."""
+    iterations: int = 0
+    """Optimisation steps so far."""
+    frames_dropped: int = 0
+    """Frames that fell due while the mapper or the planner was busy, and were never taken."""
+    frames_thinned: int = 0
+    """Frames taken that showed nothing new: they went into the voxels alone."""
     planning: list[PlanningTimes] = field(default_factory=list)
     stop_reason: StopReason | None = None
     message: str = ""
@@ -54,8 +62,8 @@ class MissionRecord:
 class Mission:
     """Drives one robot until nothing worth seeing is left.
 
-    The loop is the same whether `robot`, `sensor` and `scanner` are simulated or real; the planner sees the
-    maps and the robot's state, never what lies behind the sensors.
+    The loop is the same whether `robot`, `sensor` and `scanner` are simulated or real, and by either clock;
+    the planner sees the maps and the robot's state, never what lies behind the sensors.
     """
 
     def __init__(
@@ -68,7 +76,7 @@ class Mission:
         planner: Planner,
         planner_rng: np.random.Generator,
         limits: MissionLimits,
-        frame_interval_s: float,
+        clock: Clock,
         observer: MissionObserver,
         commands: CommandSource,
     ) -> None:
@@ -80,7 +88,7 @@ class Mission:
         self._planner = planner
         self._planner_rng = planner_rng
         self._limits = limits
-        self._frame_interval_s = frame_interval_s
+        self._clock = clock
         self._observer = observer
         self._commands = commands
         self._plan: Plan | None = None
@@ -106,16 +114,17 @@ class Mission:
         return self.record
 
     def step(self) -> None:
-        """One frame: sense, map, plan, move."""
-        frame = self._sense()
-        report = self._map(frame)
-        self._report_progress(frame, report)
+        """One frame: sense, map, plan, learn from frames until the next is due, move."""
+        scan, frame = self._sense()
+        report = self._integrate(scan, frame)
         self._obey_commands()
-        if self._should_end():
-            return
-        self._plan_if_needed()
+        if not self._should_end():
+            self._plan_if_needed()
+        self._show(frame)
+        self._optimise()
+        self._report_progress(frame, report)
         if self.record.stop_reason is None:
-            self._robot.advance(self._frame_interval_s)
+            self._go_on_to_next_frame()
 
     def state(self) -> dict[str, Any]:
         """The planner's and mapper's state; robot, sensors and clock save their own."""
@@ -138,23 +147,49 @@ class Mission:
         here = np.tile([state.x_m, state.y_m], (len(turns), 1))
         return Path(positions_m=here, yaws_rad=turns)
 
-    def _sense(self) -> Frame:
-        began = time.perf_counter()
-        scan, frame = self._scanner.scan(), self._sensor.capture()
-        self.record.sensing_s.append(time.perf_counter() - began)
-        self._mapper.integrate_scan(scan)
-        return frame
+    def _sense(self) -> tuple[Scan, Frame]:
+        with self._clock.stopped():
+            began = time.perf_counter()
+            scan, frame = self._scanner.scan(), self._sensor.capture()
+            self.record.sensing_s.append(time.perf_counter() - began)
+        return scan, frame
 
-    def _map(self, frame: Frame) -> IntegrationReport:
+    def _integrate(self, scan: Scan, frame: Frame) -> IntegrationReport:
         began = time.perf_counter()
-        report = self._mapper.integrate(frame, interrupted=self._stop_pending)
+        self._mapper.integrate_scan(scan)
+        report = self._mapper.integrate(frame, may_thin=self._clock.kind is ClockKind.REAL)
         self.record.mapping_s.append(time.perf_counter() - began)
+        self.record.frames_thinned += report.thinned
         self.record.poses.append(frame.T_world_camera)
         self.record.timestamps_s.append(frame.timestamp_s)
         return report
 
+    def _optimise(self) -> None:
+        if self.record.stop_reason is not None:
+            return
+        began = time.perf_counter()
+        self.record.iterations += self._mapper.optimise(
+            interrupted=self._stop_pending, time_left=self._clock.time_left
+        )
+        self.record.mapping_s[-1] += time.perf_counter() - began
+
+    def _go_on_to_next_frame(self) -> None:
+        due = self._clock.next_frame(interrupted=self._stop_pending)
+        if self._stop_requested and self._should_end():
+            return
+        self.record.frames_dropped += due.dropped
+        self._live_through(due.after_s)
+
+    def _live_through(self, duration_s: float) -> None:
+        """The robot goes on with what it does for so much mission time."""
+        if duration_s > 0:
+            with self._clock.stopped():
+                self._robot.advance(duration_s)
+
     def _plan_if_needed(self) -> None:
         reason = self._why_plan()
+        # By a real clock the robot has driven on while the frame that this was decided on was taken in.
+        self._live_through(self._clock.elapsed_s(nominal_s=0.0))
         if reason is None:
             return
         self._robot.stop()
@@ -166,7 +201,7 @@ class Mission:
             return
         self._note_progress()
         self._plan = answer
-        self._robot.advance(self._limits.planning_time_s)
+        self._live_through(self._clock.elapsed_s(nominal_s=self._limits.planning_time_s))
         # The robot waits at the view until a frame has seen what was to be seen there, and the next plan.
         self._robot.follow(answer.path.to_first_view())
         self._report_plan(answer, reason)
@@ -224,9 +259,10 @@ class Mission:
         if not self._pause_requested or self._stop_requested:
             return
         self._announce(MissionPhase.PAUSED, "paused by command")
-        while self._pause_requested and not self._stop_requested:
-            time.sleep(_PAUSE_POLL_S)
-            self._take_commands()
+        with self._clock.stopped():
+            while self._pause_requested and not self._stop_requested:
+                time.sleep(_PAUSE_POLL_S)
+                self._take_commands()
         if not self._stop_requested:
             self._announce(MissionPhase.RUNNING, "resumed by command")
 
@@ -259,9 +295,14 @@ class Mission:
                 missing_volume_m3=self._missing_volume_m3,
                 psnr_current_db=report.psnr_predicted_db,
                 mapping_s=self.record.mapping_s[-1],
+                iterations=self.record.iterations,
+                frames_dropped=self.record.frames_dropped,
+                frames_thinned=self.record.frames_thinned,
                 wall_s=time.perf_counter() - self._began_s,
             )
         )
+
+    def _show(self, frame: Frame) -> None:
         if self._observer.wants_view():
             self._observer.on_view(self._view(frame))
 

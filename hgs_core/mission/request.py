@@ -16,6 +16,8 @@ class MissionRequest:
     seed: int
     out: Path
     max_time_s: float | None
-    """Simulated seconds; None = the preset's limit."""
+    """Mission time [s]; None = the preset's limit."""
     overrides: dict[str, str]
     """`section.key` -> YAML text, applied on top of the preset."""
+    clock: str | None = None
+    """`lockstep` or `real`; None = the preset's."""

@@ -88,6 +88,8 @@ def _resolved(request: MissionRequest) -> MissionConfig:
     overrides = dict(request.overrides)
     if request.max_time_s is not None:
         overrides["limits.max_time_s"] = repr(request.max_time_s)
+    if request.clock is not None:
+        overrides["clock"] = request.clock
     return resolve_mission_config(request.preset, overrides)
 
 
@@ -197,6 +199,10 @@ def _report(
             for times in record.planning
         ],
         mapping_s=record.mapping_s,
+        clock=str(config.clock),
+        iterations=record.iterations,
+        frames_dropped=record.frames_dropped,
+        frames_thinned=record.frames_thinned,
         simulation_wall_s=sum(record.sensing_s),
         collisions=state.collisions,
         unseen=[

@@ -310,6 +310,9 @@ def _telemetry(frame: int, share: float, robot: RobotState, n_gaussians: int, be
         missing_volume_m3=40.0 * (1.0 - share),
         psnr_current_db=float("nan") if frame == 0 else 18.0 + 8.0 * share,
         mapping_s=0.018,
+        iterations=10 * (frame + 1),
+        frames_dropped=0,
+        frames_thinned=0,
         wall_s=time.perf_counter() - began,
     )
 

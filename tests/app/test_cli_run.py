@@ -60,6 +60,9 @@ def telemetry(frame: int = 0) -> Telemetry:
         missing_volume_m3=2.5,
         psnr_current_db=float("nan"),
         mapping_s=0.1,
+        iterations=10 * (frame + 1),
+        frames_dropped=0,
+        frames_thinned=0,
         wall_s=3.0,
     )
 
@@ -85,7 +88,7 @@ def test_options_become_a_request(missions: Callable[[RunMission], None]) -> Non
         return report()
 
     missions(fake)
-    options = ("--preset", "quick", "--seed", "4", "--max-time", "60")
+    options = ("--preset", "quick", "--seed", "4", "--max-time", "60", "--clock", "real")
     settings = ("--set", "threads=1", "--set", "gain.prior_information = 0.2")
     result = hgs(*RUN, *options, *settings)
     assert result.exit_code == 0, result.output
@@ -97,6 +100,7 @@ def test_options_become_a_request(missions: Callable[[RunMission], None]) -> Non
             out=Path("results"),
             max_time_s=60.0,
             overrides={"threads": "1", "gain.prior_information": "0.2"},
+            clock="real",
         )
     ]
 

@@ -41,7 +41,7 @@ def bench_gains(until_s: str, *more: str) -> tuple[int, str]:
         "--views",
         "20",
     ]
-    settings = ["--set", "threads=1", "--set", "mapping.iterations_per_frame=2"]
+    settings = ["--set", "threads=1", "--set", "mapping.iterations_per_s=5"]
     result = CliRunner().invoke(application, [*arguments, *settings, *more], env={"COLUMNS": "160"})
     return result.exit_code, result.output
 

@@ -22,7 +22,7 @@ def test_a_short_mission_is_timed_and_leaves_only_its_figures(tmp_path: Path) ->
         application,
         [
             *("bench", "mission", "--scene", "house", "--preset", "quick", "--max-time", "9"),
-            *("--set", "threads=1", "--set", "mapping.iterations_per_frame=1", "--json", str(path)),
+            *("--set", "threads=1", "--set", "mapping.iterations_per_s=2.5", "--json", str(path)),
         ],
         env={"COLUMNS": "160"},
     )

@@ -53,6 +53,10 @@ PROMISED_KEYS = [
     "real_time_factor",
     "collisions",
     "unseen",
+    "clock",
+    "frames_dropped",
+    "frames_thinned",
+    "iterations",
 ]
 
 SURFACE = SurfaceMetrics(
@@ -123,6 +127,10 @@ def compose(evaluation: EvaluationResult | None = EVALUATION) -> MissionReport:
             PlanningCycle(viewpoint_evaluation_s=0.3, local_s=0.2, global_s=0.5),
         ],
         mapping_s=[0.1, 0.3],
+        clock="real",
+        iterations=1500,
+        frames_dropped=4,
+        frames_thinned=6,
         simulation_wall_s=20.0,
         collisions=0,
         unseen=[
@@ -213,7 +221,7 @@ def test_a_mission_without_cycles_or_frames() -> None:
             for name in (
                 *("scene", "seed", "planner", "stop_reason", "stop_message", "wall_s", "sim_time_s"),
                 *("path_length_m", "peak_rss_mib", "simulation_wall_s", "collisions", "versions"),
-                *("kernel_variant", "threads"),
+                *("kernel_variant", "threads", "clock", "iterations", "frames_dropped", "frames_thinned"),
             )
         },
         frames=0,

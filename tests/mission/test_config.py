@@ -30,9 +30,9 @@ def test_the_papers_variants_differ_in_their_gains_alone() -> None:
 
 def test_overrides_reach_into_sections() -> None:
     config = resolve_mission_config(
-        "paper", {"mapping.iterations_per_frame": "3", "robot.radius_m": "0.3", "threads": "1"}
+        "paper", {"mapping.iterations_per_s": "3", "robot.radius_m": "0.3", "threads": "1"}
     )
-    assert config.mapping.iterations_per_frame == 3
+    assert config.mapping.iterations_per_s == 3
     assert config.robot.radius_m == 0.3
     assert config.threads == 1
 

@@ -1,6 +1,7 @@
 """Short missions in the built-in house: repeatable, interruptible, and honest about how they ended."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,7 @@ class Script:
 
 
 def request(out: Path, *, seed: int = 0, time_s: float = 11.0, **overrides: str) -> MissionRequest:
-    settings = {"evaluate": "false", "threads": "1", "mapping.iterations_per_frame": "1", **overrides}
+    settings = {"evaluate": "false", "threads": "1", "mapping.iterations_per_s": "2.5", **overrides}
     return MissionRequest(
         scene="house", preset="quick", seed=seed, out=out, max_time_s=time_s, overrides=settings
     )
@@ -124,6 +125,23 @@ def test_stop_waits_for_no_frame_and_leaves_a_complete_folder(tmp_path: Path) ->
     assert keyframes.load(0).rgb.shape == (340, 600, 3)
     files = sorted(path.name for path in (tmp_path / "run" / "keyframes").iterdir())
     assert files == ["000000.jpg", "000000_depth.png"]
+
+
+def test_by_the_real_clock_every_frame_is_taken_or_counted_as_lost(tmp_path: Path) -> None:
+    heard = Heard()
+    wish = replace(request(tmp_path / "run", time_s=6.0), clock="real")
+    report = run_mission(wish, observer=heard, commands=NoCommands())
+    assert report.clock == "real"
+    assert report.stop_reason == "time_limit"
+    assert report.sim_time_s is not None
+    # The robot may have lived on for a while after the frame that was taken last.
+    due = report.frames + report.frames_dropped
+    assert due <= report.sim_time_s / 0.4 + 1.001
+    last = [event for event in heard.events if isinstance(event, Telemetry)][-1]
+    assert (last.frames_dropped, last.iterations) == (report.frames_dropped, report.iterations)
+    stamps = read_trajectory(tmp_path / "run" / "trajectory.txt").timestamps_s
+    assert len(stamps) == report.frames
+    assert np.all(np.diff(stamps) > 0)
 
 
 def test_pause_holds_the_clock_until_resumed(tmp_path: Path) -> None:

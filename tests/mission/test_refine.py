@@ -26,7 +26,7 @@ SMALL_CAMERA = {
     "sensor.camera.width": "240",
     "sensor.camera.height": "136",
     "sensor.camera.focal_px": "120",
-    "mapping.iterations_per_frame": "1",
+    "mapping.iterations_per_s": "2.5",
 }
 
 

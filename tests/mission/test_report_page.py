@@ -64,7 +64,7 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report") / "run"
     settings = {
         "threads": "1",
-        "mapping.iterations_per_frame": "1",
+        "mapping.iterations_per_s": "2.5",
         "sensor.camera.width": "240",
         "sensor.camera.height": "136",
         "sensor.camera.focal_px": "120",

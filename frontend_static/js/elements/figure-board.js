@@ -3,16 +3,23 @@ import { clock, count, element, fixed, isNumber, setText } from "../format.js";
 import { store, watch } from "../store.js";
 
 const FIGURES = [
-  ["time", "Mission time", "", (f) => clock(f.time_s), "Simulated time"],
+  ["time", "Mission time", "", (f) => clock(f.time_s), "Time as the robot lives through it"],
   ["wall", "Wall time", "", (f) => clock(f.wall_s), "Time since the mission began, on this machine"],
   ["path", "Path", "m", (f) => fixed(f.path_length_m, 1), "Length of the driven path"],
   ["collisions", "Collisions", "", (f) => count(f.collisions), "Contacts with the true surface"],
   ["missing", "Missing", "m³", (f) => fixed(f.missing_volume_m3, 2), "Unseen volume beside free space"],
   ["observed", "Observed", "m³", (f) => fixed(f.observed_volume_m3, 1), "Volume seen free or occupied"],
-  ["frames", "Frames", "", (f) => count(f.frame + 1), "Images integrated"],
+  ["frames", "Frames", "", (f) => count(f.frame + 1), "Images taken"],
   ["gaussians", "Gaussians", "", (f) => count(f.n_gaussians), "Gaussians in the map"],
   ["psnr", "PSNR now", "dB", (f) => fixed(f.psnr_current_db, 1), "Newest image against the map"],
   ["keyframes", "Keyframes", "", (f) => count(f.n_keyframes), "Images kept for optimisation"],
+  [
+    "dropped",
+    "Dropped",
+    "",
+    (f) => count(f.frames_dropped),
+    "Images lost because mapper or planner was busy (real clock)",
+  ],
   ["mapping", "Mapping", "ms/frame", (f) => milliseconds(f.mapping_s), "Wall time for the newest frame"],
   ["planning", "Planning", "ms", () => milliseconds(store.plan?.planning_s), "Wall time of the newest plan"],
 ];

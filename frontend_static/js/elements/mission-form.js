@@ -24,6 +24,16 @@ class MissionForm extends HTMLElement {
       step: "any",
       placeholder: "none",
     });
+    this.clock = element(
+      "select",
+      {
+        name: "clock",
+        id: "clock",
+        title: "Lockstep repeats exactly; in real time mapper and planner must keep up with the robot",
+      },
+      element("option", { value: "lockstep" }, "lockstep"),
+      element("option", { value: "real" }, "real time"),
+    );
     this.hint = element("p", { class: "hint" });
     this.problem = element("p", { class: "problem", role: "alert" });
     this.submit = element("button", { type: "submit", class: "primary wide", id: "launch" }, "Start mission");
@@ -34,6 +44,7 @@ class MissionForm extends HTMLElement {
       field("Preset", this.preset, "wide"),
       field("Seed", this.seed),
       field("Time limit (s)", this.limit),
+      field("Clock", this.clock, "wide"),
       this.hint,
       this.problem,
       this.submit,
@@ -42,6 +53,7 @@ class MissionForm extends HTMLElement {
       event.preventDefault();
       this.#launch();
     });
+    this.preset.addEventListener("change", () => this.#presetClock());
     form.addEventListener("input", () => {
       this.key = crypto.randomUUID();
       this.#drawHint();
@@ -65,7 +77,13 @@ class MissionForm extends HTMLElement {
       ...store.presets.map(({ name }) => element("option", { value: name }, name)),
     );
     if (store.presets.some(({ name }) => name === "paper")) this.preset.value = "paper";
+    this.#presetClock();
     this.#drawHint();
+  }
+
+  #presetClock() {
+    const preset = store.presets.find(({ name }) => name === this.preset.value);
+    this.clock.value = preset?.content.clock ?? "lockstep";
   }
 
   #drawHint() {
@@ -88,7 +106,12 @@ class MissionForm extends HTMLElement {
   async #launch() {
     this.problem.textContent = "";
     for (const input of this.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
-    const wish = { scene: this.scene.value, preset: this.preset.value, seed: Number(this.seed.value) };
+    const wish = {
+      scene: this.scene.value,
+      preset: this.preset.value,
+      seed: Number(this.seed.value),
+      clock: this.clock.value,
+    };
     if (this.limit.value !== "") wish.max_time_s = Number(this.limit.value);
     this.launching = true;
     this.#drawButton();
