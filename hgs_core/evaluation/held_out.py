@@ -70,7 +70,9 @@ def image_metrics(
         raise MapError("image metrics need at least one held-out pose")
     if progress is not None:
         progress(f"held-out views: what {len(training_poses.translation)} training frames saw of them")
-    masks = _masks(caster, poses=poses, training_poses=training_poses, intrinsics=intrinsics, range_m=range_m)
+    masks = observed_masks(
+        caster, poses=poses, training_poses=training_poses, intrinsics=intrinsics, range_m=range_m
+    )
     predictors = ErrorPredictors.of(gaussians, intrinsics, training_poses, range_m=range_m)
     masked, unmasked, depth_errors, views = [], [], [], []
     for index in range(n_views):
@@ -116,7 +118,7 @@ def image_metrics(
     )
 
 
-def _masks(
+def observed_masks(
     caster: RayCaster,
     *,
     poses: SE3,
@@ -124,7 +126,7 @@ def _masks(
     intrinsics: CameraIntrinsics,
     range_m: float,
 ) -> Bool[ndarray, "n_views height width"]:
-    """Pixels whose true surface point some training frame saw; false where a ray leaves the world."""
+    """Pixels of each view whose true surface point some training frame saw; false beyond the world."""
     coarse = intrinsics.scaled(_MASK_SCALE)
     n_views = len(poses.translation)
     rays = coarse.rays().reshape(-1, 3)

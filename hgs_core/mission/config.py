@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any, Final
 
 import yaml
@@ -77,9 +78,15 @@ def resolve_mission_config(preset: str, overrides: dict[str, str]) -> MissionCon
         named = content.get(section)
         if isinstance(named, str):
             content[section] = load_preset(section, named)
+    return changed(content, overrides, source=f"mission preset {preset!r}")
+
+
+def changed(content: dict[str, Any], overrides: dict[str, str], *, source: str) -> MissionConfig:
+    """A mission's resolved settings with `key.sub=value` overrides applied. Raises as above."""
+    copied = deepcopy(content)
     for key, text in overrides.items():
-        _override(content, key, text)
-    return mission_config_from(content, source=f"mission preset {preset!r}")
+        _override(copied, key, text)
+    return mission_config_from(copied, source=source)
 
 
 def mission_config_from(content: dict[str, Any], *, source: str) -> MissionConfig:
