@@ -16,20 +16,21 @@ router = APIRouter(prefix="/missions", tags=["results"])
 
 _DESCRIPTIONS = {
     "report.json": "Figures of the mission",
-    "report.html": "Figures of the mission, to read",
+    "report.html": "Figures, charts and pictures of the mission, to read",
     "config.yaml": "Resolved settings, seed and versions",
     "events.jsonl": "Everything that happened, one event a line",
     "trajectory.txt": "Driven path, TUM format",
     "map.ply": "Gaussian map, opens in common splat viewers",
-    "mesh.ply": "Surface mesh",
-    "transforms.json": "Keyframe poses, for retraining",
+    "mesh.ply": "Surface mesh with coloured vertices",
+    "transforms.json": "Cameras and images of the keyframes, nerfstudio layout",
     "process.log": "Output of the mission process",
 }
 
 
 @router.get("/{mission_id}/results", operation_id="listResults")
 def list_results(mission: MissionDep) -> list[ResultFile]:
-    """Files of the mission; empty until it has written them."""
+    """Files of the mission; empty until it has written them. Keyframe images are left out: transforms.json
+    names them, and each can be fetched by its name."""
     return [
         ResultFile(
             name=name,
@@ -38,12 +39,13 @@ def list_results(mission: MissionDep) -> list[ResultFile]:
             description=_DESCRIPTIONS.get(name, ""),
         )
         for name, path in _files(mission).items()
+        if not name.startswith("keyframes/")
     ]
 
 
 @router.get("/{mission_id}/results/{name:path}", operation_id="getResult", response_class=FileResponse)
 def get_result(mission: MissionDep, name: str) -> FileResponse:
-    """Download one listed file."""
+    """Download one file: a listed one, or a keyframe's image."""
     path = _files(mission).get(name)
     if path is None:
         raise NotFound(f"mission {mission.id} has no result {name!r}")
@@ -51,7 +53,7 @@ def get_result(mission: MissionDep, name: str) -> FileResponse:
 
 
 def _files(mission: Mission) -> dict[str, Path]:
-    """Listed files by name, links left out. Only these can be fetched: no name leads out of the folder."""
+    """Files by name, links left out. Only these can be fetched: no name leads out of the folder."""
     root = mission.results_dir
     found = {
         path.relative_to(root).as_posix(): path

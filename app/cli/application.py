@@ -12,8 +12,11 @@ from app.cli.bench import bench
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.evaluate import evaluate
 from app.cli.exit_codes import ExitCode
+from app.cli.mesh import mesh
 from app.cli.picture import picture
 from app.cli.presets import presets
+from app.cli.refine import refine
+from app.cli.report import report
 from app.cli.run import run
 from app.cli.scenes import scenes
 from app.cli.serve import serve
@@ -46,6 +49,9 @@ application = typer.Typer(
 )
 application.command()(run)
 application.command()(evaluate)
+application.command()(refine)
+application.command()(report)
+application.command()(mesh)
 application.command()(picture)
 application.command()(scenes)
 application.command()(presets)

@@ -21,8 +21,11 @@ def evaluate(
 ) -> None:
     """Compare a run's map with the true scene again, and rewrite the quality figures of its report.json.
 
-    Reads config.yaml, map.ply, trajectory.txt and report.json; what the mission itself did stays as it was.
-    This also gives an interrupted run its figures. Exit codes: 0 done, 2 the folder is not a run's.
+    Reads config.yaml, map.ply, mesh.ply where there is one, trajectory.txt and report.json; what the mission
+    itself did stays as it was. This also gives an interrupted run its figures; `hgs report`
+    then shows them.
+
+    Exit codes: 0 done, 2 the folder is not a run's.
     """
     with ERRORS.status("reading the run") as status:
         report = evaluate_folder(folder, progress=status.update)
@@ -40,14 +43,16 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
     from hgs_core.evaluation.report import MissionReport
     from hgs_core.evaluation.trajectory import read_trajectory
     from hgs_core.gaussians.ply import read_ply
+    from hgs_core.mapping.mesh_file import read_mesh
     from hgs_core.mission.config import mission_config_from
     from hgs_core.native import kernels
     from hgs_core.scene.scene import open_scene
 
     report = MissionReport.read(folder / "report.json")
-    content = _run_config(folder / "config.yaml")
+    content = run_config(folder / "config.yaml")
     config = mission_config_from(content["mission"], source=str(folder / "config.yaml"))
     gaussians = read_ply(folder / "map.ply")
+    mesh = read_mesh(folder / "mesh.ply") if (folder / "mesh.ply").is_file() else None
     trajectory = read_trajectory(folder / "trajectory.txt")
     kernels.set_threads(config.threads)
     progress(f"opening {content['scene']}")
@@ -57,6 +62,7 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
         caster=scene.caster,
         start_xy=(float(content["start"]["x_m"]), float(content["start"]["y_m"])),
         gaussians=gaussians,
+        mesh=mesh,
         training_poses=trajectory.poses,
         intrinsics=config.sensor.camera.intrinsics(),
         camera_height_m=config.sensor.camera.mount_height_m,
@@ -70,7 +76,7 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
     return renewed
 
 
-def _run_config(path: Path) -> dict[str, Any]:
+def run_config(path: Path) -> dict[str, Any]:
     """The resolved configuration of a run. Raises `ConfigError` naming what is missing."""
     if not path.is_file():
         raise ConfigError(f"{path} is missing: not a folder that `hgs run` left behind")

@@ -9,7 +9,6 @@ from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray
 from PIL import Image
 
-from app.missions.colour_maps import colourise_depth, colourise_log
 from app.missions.display import (
     CANDIDATE_STATUSES,
     MAX_CANDIDATES,
@@ -19,6 +18,7 @@ from app.missions.display import (
     SUBSPACE_STATES,
     DisplayView,
 )
+from hgs_core.evaluation.colour_maps import colourise_depth, colourise_log
 from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, LOGIT_OPACITY, RGB, GaussianMap
 from hgs_core.gaussians.information import quality_image

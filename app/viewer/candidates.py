@@ -9,9 +9,9 @@ import viser
 from jaxtyping import Float32, UInt8
 from numpy import ndarray
 
-from app.missions.colour_maps import ramp
 from app.missions.display import CANDIDATE_STATUSES, MAX_CANDIDATES, DisplayView
 from app.viewer.palette import REJECTED, as_linear
+from hgs_core.evaluation.colour_maps import ramp
 
 _SMALL: Final = 0.55
 _LARGE: Final = 1.6

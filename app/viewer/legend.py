@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from app.missions.colour_maps import ramp
 from app.viewer.palette import CAMERA, GLOBAL_TOUR, LOCAL_PATH, REJECTED, RGB, SUBSPACE, TRAJECTORY, css
+from hgs_core.evaluation.colour_maps import ramp
 
 
 def legend_html(min_splat_m: float, max_splats: int) -> str:

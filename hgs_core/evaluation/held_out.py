@@ -15,8 +15,9 @@ from jaxtyping import Bool, Float, Float32
 from numpy import ndarray
 
 from hgs_core.errors import MapError
+from hgs_core.evaluation.error_prediction import ErrorPredictors
 from hgs_core.evaluation.images import masked_mean, psnr_db, ssim_map
-from hgs_core.evaluation.result import ImageMetrics
+from hgs_core.evaluation.result import ImageMetrics, ViewResult
 from hgs_core.evaluation.training_views import seen_in_training
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.render import render
@@ -70,7 +71,8 @@ def image_metrics(
     if progress is not None:
         progress(f"held-out views: what {len(training_poses.translation)} training frames saw of them")
     masks = _masks(caster, poses=poses, training_poses=training_poses, intrinsics=intrinsics, range_m=range_m)
-    masked, unmasked, depth_errors = [], [], []
+    predictors = ErrorPredictors.of(gaussians, intrinsics, training_poses, range_m=range_m)
+    masked, unmasked, depth_errors, views = [], [], [], []
     for index in range(n_views):
         pose, mask = _pose(poses, index), masks[index]
         true_rgb, true_depth = caster.render(intrinsics, pose)
@@ -79,10 +81,23 @@ def image_metrics(
         colour = np.clip(view.colour, 0.0, 1.0)
         similarity = ssim_map(colour, reference)
         unmasked.append((psnr_db(colour, reference), masked_mean(similarity)))
+        figures = (float("nan"), float("nan"))
         if mask.mean() >= _MIN_MASK_SHARE:
+            figures = (psnr_db(colour, reference, mask), masked_mean(similarity, mask))
             error = np.abs(view.depth_m - true_depth)[mask & np.isfinite(true_depth)]
             depth_errors.append(error.astype(np.float32))
-            masked.append((psnr_db(colour, reference, mask), masked_mean(similarity, mask), error.mean()))
+            masked.append((*figures, error.mean()))
+        views.append(
+            ViewResult(
+                T_world_camera=pose,
+                observed_share=float(mask.mean()),
+                psnr_db=figures[0],
+                ssim=figures[1],
+                prediction=predictors.score(
+                    np.abs(colour - reference).mean(axis=2), view.depth_m, mask, intrinsics, pose
+                ),
+            )
+        )
         if progress is not None:
             progress(f"held-out views: {index + 1} of {n_views}")
     psnr, ssim, depth_l1 = np.mean(masked, axis=0) if masked else (np.nan, np.nan, np.nan)
@@ -97,6 +112,7 @@ def image_metrics(
         psnr_db_unmasked=float(psnr_all),
         ssim_unmasked=float(ssim_all),
         observed_mask_share=float(masks.mean()),
+        views=tuple(views),
     )
 
 

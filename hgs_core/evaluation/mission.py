@@ -5,13 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from jaxtyping import Float32
+from numpy import ndarray
+
 from hgs_core.evaluation.ceiling import CeilingRequest, observable_ceiling
 from hgs_core.evaluation.held_out import held_out_poses, image_metrics
 from hgs_core.evaluation.result import EvaluationResult
-from hgs_core.evaluation.surface import OPAQUE, surface_metrics
+from hgs_core.evaluation.surface import OPAQUE, SurfaceMetrics, surface_metrics
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.volume_fusion import SurfaceMesh
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.scene import Scene
 
@@ -22,6 +26,7 @@ def evaluate_mission(
     caster: RayCaster,
     start_xy: tuple[float, float],
     gaussians: GaussianMap,
+    mesh: SurfaceMesh | None,
     training_poses: SE3,
     intrinsics: CameraIntrinsics,
     camera_height_m: float,
@@ -30,7 +35,7 @@ def evaluate_mission(
     robot_height_m: float,
     progress: Callable[[str], None] | None = None,
 ) -> EvaluationResult:
-    """Compare a finished map with the scene's true surface and views.
+    """Compare a finished map (and the `mesh` fused beside it) with the scene's true surface and views.
 
     `training_poses` is the batch of `T_world_camera` of the integrated frames; `caster` casts against
     `scene.mesh`. Deterministic, and nothing of it reaches a planner. Raises `SceneError` when the start is
@@ -57,15 +62,15 @@ def evaluate_mission(
     )
     report("surface metrics")
     centres = gaussians.centres_m
-    surface, surface_opaque = (
-        surface_metrics(
+
+    def measured(points: Float32[ndarray, "n 3"]) -> SurfaceMetrics:
+        return surface_metrics(
             points,
             samples=ceiling.samples_m,
             observable=ceiling.observable,
             distance_to_surface=caster.distance_to_surface,
         )
-        for points in (centres, centres[gaussians.opacities >= OPAQUE])
-    )
+
     images = image_metrics(
         caster,
         gaussians,
@@ -76,8 +81,9 @@ def evaluate_mission(
         progress=progress,
     )
     return EvaluationResult(
-        surface=surface,
-        surface_opaque=surface_opaque,
+        surface=measured(centres),
+        surface_opaque=measured(centres[gaussians.opacities >= OPAQUE]),
+        surface_mesh=None if mesh is None else measured(mesh.vertices_m),
         observable_fraction=ceiling.fraction,
         n_reachable=len(ceiling.positions_m),
         images=images,

@@ -16,8 +16,8 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from hgs_core.errors import ConfigError
-from hgs_core.evaluation.result import EvaluationResult
-from hgs_core.evaluation.surface import THRESHOLDS_CM
+from hgs_core.evaluation.result import EvaluationResult, ViewResult
+from hgs_core.evaluation.surface import THRESHOLDS_CM, SurfaceMetrics
 
 SCHEMA_VERSION: Final = 1
 
@@ -68,12 +68,54 @@ class UnseenEntry(_ReportPart):
     """unreachable, below_threshold, occluded, out_of_bounds, time_limit or interrupted."""
 
 
+class HeldOutImage(_ReportPart):
+    """One held-out view, over surface that some training frame saw."""
+
+    position_m: tuple[float, float, float]
+    quaternion_wxyz: tuple[float, float, float, float]
+    """`T_world_camera`."""
+    observed_share: float
+    """Share of its pixels that the figures use."""
+    psnr_db: Figure = None
+    ssim: Figure = None
+    quality_correlation: Figure = None
+    """As the report's own keys of these names, for this view."""
+    quality_correlation_gain: Figure = None
+    quality_correlation_depth_only: Figure = None
+    sparsification_error: Figure = None
+    sparsification_error_gain: Figure = None
+    sparsification_error_depth_only: Figure = None
+    sparsification_error_constant: Figure = None
+
+
 class PlanningCycle(_ReportPart):
     """Wall seconds of the three parts of one planning cycle."""
 
     viewpoint_evaluation_s: float
     local_s: float
     global_s: float
+
+
+class RefinementEntry(_ReportPart):
+    """What `hgs refine` did to the map since its mission, and how good the mission had left it."""
+
+    seconds: float
+    """Wall seconds of all refinements so far."""
+    steps: int
+    psnr_db_before: Figure = None
+    """Of the map that the mission left, likewise below; null where it was not evaluated."""
+    ssim_before: Figure = None
+    median_depth_error_cm_before: Figure = None
+    accuracy_cm_before: Figure = None
+    completion_cm_observable_before: Figure = None
+    completion_ratio_observable_before: Figure = None
+
+
+_OF_THE_MAP: Final = (
+    *("accuracy_", "completion_", "precision_", "recall_", "f1_", "n_gaussians_opaque"),
+    *("psnr_", "ssim", "depth_l1_", "median_depth_", "quality_correlation", "sparsification_"),
+)
+"""How the names of the figures begin that hold for one map alone."""
 
 
 class MissionReport(_ReportPart):
@@ -148,6 +190,15 @@ class MissionReport(_ReportPart):
     completion_ratio_observable_opaque: Figure = None
     precision_5cm_opaque: Figure = None
     f1_5cm_opaque: Figure = None
+    n_vertices_mesh: int | None = None
+    """Vertices of the fused mesh; the columns `*_mesh` use these alone."""
+    accuracy_cm_mesh: Figure = None
+    completion_cm_mesh: Figure = None
+    completion_ratio_mesh: Figure = None
+    completion_cm_observable_mesh: Figure = None
+    completion_ratio_observable_mesh: Figure = None
+    precision_5cm_mesh: Figure = None
+    f1_5cm_mesh: Figure = None
 
     psnr_db: Figure = None
     """PSNR on held-out views, over surface that some training frame saw; mean over views."""
@@ -163,6 +214,23 @@ class MissionReport(_ReportPart):
     median_depth_error_cm: Figure = None
     """Median absolute depth error over the mask of all views."""
     held_out_views: int | None = None
+    quality_correlation: Figure = None
+    """Rank correlation of the posterior variance of the map's colours with the error, mean over views."""
+    quality_correlation_gain: Figure = None
+    """The same by Eq. 9's gain of each pixel."""
+    quality_correlation_depth_only: Figure = None
+    """The same by rendered depth alone."""
+    sparsification_error: Figure = None
+    """Area between the sparsification curves by posterior variance and by the error, mean over views."""
+    sparsification_error_gain: Figure = None
+    sparsification_error_depth_only: Figure = None
+    sparsification_error_constant: Figure = None
+    """The same by one number for all."""
+    held_out_images: tuple[HeldOutImage, ...] = ()
+    """Each held-out view."""
+
+    refinement: RefinementEntry | None = None
+    """What was done to the map after the mission; null if nothing."""
 
     planning_s: PlanningSeconds = PlanningSeconds()
     planning_cycles: int = 0
@@ -289,11 +357,40 @@ class MissionReport(_ReportPart):
             "held_out_views": images.n_views,
             "evaluation_s": evaluation.wall_s,
         }
+        figures.update(_mesh_figures(evaluation.surface_mesh))
+        held_out = [_held_out_image(view) for view in images.views]
+        figures.update({key: _mean([getattr(image, key) for image in held_out]) for key in _PREDICTION_KEYS})
         for index, cm in enumerate(THRESHOLDS_CM):
             figures[f"precision_{cm}cm"] = every.precision[index]
             figures[f"recall_{cm}cm"] = every.recall[index]
             figures[f"f1_{cm}cm"] = every.f1[index]
-        return type(self).model_validate({**self.model_dump(by_alias=True), **figures})
+        return type(self).model_validate(
+            {**self.model_dump(by_alias=True), **figures, "held_out_images": held_out}
+        )
+
+    def refined(self, *, seconds: float, steps: int) -> MissionReport:
+        """This report after the map was optimised further, its quality figures unknown until evaluated.
+
+        Those of the mission's own map are kept under `refinement`. Figures of the mesh stay: it is made from
+        keyframes.
+        """
+        entry = self.refinement or RefinementEntry(
+            seconds=0.0,
+            steps=0,
+            psnr_db_before=self.psnr_db,
+            ssim_before=self.ssim,
+            median_depth_error_cm_before=self.median_depth_error_cm,
+            accuracy_cm_before=self.accuracy_cm,
+            completion_cm_observable_before=self.completion_cm_observable,
+            completion_ratio_observable_before=self.completion_ratio_observable,
+        )
+        entry = entry.model_copy(update={"seconds": entry.seconds + seconds, "steps": entry.steps + steps})
+        unknown = {
+            name: None
+            for name in type(self).model_fields
+            if name.startswith(_OF_THE_MAP) and not name.endswith("_mesh")
+        }
+        return self.model_copy(update={**unknown, "held_out_images": (), "refinement": entry})
 
     def write(self, path: Path) -> None:
         """Write `path` whole or not at all (temporary file beside it, then rename)."""
@@ -320,6 +417,53 @@ class MissionReport(_ReportPart):
             return cls.model_validate(content)
         except ValidationError as error:
             raise ConfigError(f"{path} is not a mission report: {error}") from error
+
+
+_PREDICTION_KEYS: Final = tuple(
+    key
+    for key in HeldOutImage.model_fields
+    if key.startswith(("quality_correlation", "sparsification_error"))
+)
+
+
+def _mesh_figures(mesh: SurfaceMetrics | None) -> dict[str, float | int | None]:
+    if mesh is None:
+        mesh_keys = [key for key in MissionReport.model_fields if key.endswith("_mesh")]
+        return dict.fromkeys(mesh_keys)
+    at_5cm = THRESHOLDS_CM.index(5)
+    return {
+        "n_vertices_mesh": mesh.n_points,
+        "accuracy_cm_mesh": mesh.accuracy_cm,
+        "completion_cm_mesh": mesh.completion_cm,
+        "completion_ratio_mesh": mesh.completion_ratio,
+        "completion_cm_observable_mesh": mesh.completion_cm_observable,
+        "completion_ratio_observable_mesh": mesh.completion_ratio_observable,
+        "precision_5cm_mesh": mesh.precision[at_5cm],
+        "f1_5cm_mesh": mesh.f1[at_5cm],
+    }
+
+
+def _held_out_image(view: ViewResult) -> HeldOutImage:
+    pose, prediction = view.T_world_camera, view.prediction
+    return HeldOutImage(
+        position_m=tuple(pose.translation.tolist()),
+        quaternion_wxyz=tuple(pose.as_quaternion_wxyz().tolist()),
+        observed_share=view.observed_share,
+        psnr_db=view.psnr_db,
+        ssim=view.ssim,
+        quality_correlation=prediction.quality.correlation,
+        quality_correlation_gain=prediction.gain.correlation,
+        quality_correlation_depth_only=prediction.depth.correlation,
+        sparsification_error=prediction.quality.sparsification_error,
+        sparsification_error_gain=prediction.gain.sparsification_error,
+        sparsification_error_depth_only=prediction.depth.sparsification_error,
+        sparsification_error_constant=prediction.constant.sparsification_error,
+    )
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    measured = [value for value in values if value is not None]
+    return float(np.mean(measured)) if measured else None
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:

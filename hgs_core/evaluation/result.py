@@ -5,6 +5,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hgs_core.evaluation.surface import SurfaceMetrics
+from hgs_core.evaluation.uncertainty import PredictionScore
+from hgs_core.geometry.se3 import SE3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorPrediction:
+    """How well the map tells where one of its pictures is wrong, beside predictors that it must beat."""
+
+    quality: PredictionScore
+    """By the posterior variance of the map's colours (`PosteriorImages`)."""
+    gain: PredictionScore
+    """By Eq. 9's gain of each pixel (`quality_image`)."""
+    depth: PredictionScore
+    """By the rendered depth alone: the farther, the worse."""
+    constant: PredictionScore
+    """By one number for all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewResult:
+    """One held-out view under its mask; NaN where the mask holds too little."""
+
+    T_world_camera: SE3
+    observed_share: float
+    psnr_db: float
+    ssim: float
+    prediction: ErrorPrediction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +51,7 @@ class ImageMetrics:
     ssim_unmasked: float
     observed_mask_share: float
     """Masked pixels / all pixels, over all views."""
+    views: tuple[ViewResult, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +62,8 @@ class EvaluationResult:
     """From all Gaussian centres."""
     surface_opaque: SurfaceMetrics
     """From the centres of Gaussians of opacity 0.5 or more."""
+    surface_mesh: SurfaceMetrics | None = None
+    """From the vertices of the fused mesh, where there is one."""
     observable_fraction: float
     """Share of the true surface that any reachable camera pose can see."""
     n_reachable: int

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -28,6 +29,8 @@ class LossWeights(StrictConfig):
     """Of |D/A - depth| [1/m]."""
     silhouette: float = Field(0.15, ge=0)
     """Of (1 - A)^2: a pixel with a depth shows a surface, so nothing may shine through."""
+    free: float = Field(0.15, ge=0)
+    """Of A^2, where the camera found nothing within its range: so surfaces end where they end."""
 
 
 class LearningRates(StrictConfig):
@@ -47,6 +50,14 @@ class LearningRates(StrictConfig):
     """Decay of the second moment per step."""
     epsilon: float = Field(1e-15, gt=0)
     """Added to the root of the second moment."""
+
+    def scaled(self, factor: float) -> LearningRates:
+        """The same with every step size multiplied."""
+        sizes = {name: factor * getattr(self, name) for name in _STEP_SIZES}
+        return self.model_copy(update=sizes)
+
+
+_STEP_SIZES: Final = ("centre", "rgb", "log_radius", "logit_opacity")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,18 +85,22 @@ def optimise_step(
     *,
     weights: LossWeights,
     rates: LearningRates,
+    range_m: float = math.inf,
     radius_limits_m: tuple[float, float] = (0.001, 0.3),
 ) -> OptimisationLoss:
     """Render, compare, differentiate and move: one Adam step of every Gaussian that got a gradient, in place.
 
     Per pixel with `0 < depth < inf`, averaged over these pixels, and the first two only where A > 0.05:
-    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)^2`. Gaussians more than 0.3 m farther than
-    the farthest depth are left out: other rooms lie in the frustum, but not in the picture. Steps are counted
-    per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves
-    them. Raises `MapError` when the images do not fit the camera.
+    `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)^2`; where depth is +inf, nothing being
+    nearer than `range_m`, `free A^2`, divided by the same number. Gaussians beyond `range_m`, or more than
+    0.3 m farther than the farthest depth, are left out: other rooms lie in the frustum, but not in the
+    picture. Steps are counted per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow
+    where a Gaussian leaves them. Raises `MapError` when the images do not fit the camera.
     """
     total, colour_l1, depth_l1_m, pixels, covered = kernels.optimise_view(
-        *_arguments(gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, radius_limits_m)
+        *_arguments(
+            gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m
+        )
     )
     gaussians.version += 1
     return OptimisationLoss(
@@ -118,12 +133,15 @@ def time_step(
     *,
     weights: LossWeights,
     rates: LearningRates,
+    range_m: float = math.inf,
     radius_limits_m: tuple[float, float] = (0.001, 0.3),
 ) -> StepStages:
     """The work of `optimise_step` in separate, timed passes, for benchmarks; the map moves as there, but that
     nothing far behind the picture is left out."""
     prepare_s, forward_s, backward_s, step_s, evaluations = kernels.time_stages(
-        *_arguments(gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, radius_limits_m)
+        *_arguments(
+            gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m
+        )
     )
     gaussians.version += 1
     return StepStages(
@@ -143,6 +161,7 @@ def _arguments(
     T_world_camera: SE3,
     weights: LossWeights,
     rates: LearningRates,
+    range_m: float,
     radius_limits_m: tuple[float, float],
 ) -> tuple[Any, ...]:
     """What the kernels of a step take. Raises `MapError` when it does not fit together."""
@@ -160,10 +179,10 @@ def _arguments(
         gaussians.adam_second_moment[:size],
         gaussians.adam_steps[:size],
         gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera),
+        camera_numbers(intrinsics, T_world_camera, far_m=range_m),
         np.ascontiguousarray(rgb),
         np.ascontiguousarray(depth_m),
-        [weights.colour, weights.depth, weights.silhouette],
+        [weights.colour, weights.depth, weights.silhouette, weights.free],
         [
             *by_parameter,
             rates.beta1,

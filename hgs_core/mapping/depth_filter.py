@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from hgs_core.mapping.config import DepthFusionConfig
-from hgs_core.mapping.keyframes import TrainingImage
+from hgs_core.mapping.keyframes import TrainingImage, halved_camera
 from hgs_core.native import kernels
 from hgs_core.sensing.frame import Frame
 
@@ -28,13 +26,9 @@ def training_image(frame: Frame, config: DepthFusionConfig) -> TrainingImage:
         np.ascontiguousarray(frame.rgb), np.ascontiguousarray(frame.depth_m), _HALVING_EDGE_M, rgb, halved
     )
     kernels.smooth_depth(halved, config.smoothing_radius_px, config.smoothing_gate_m, smoothed)
-    # Splats must be as wide here as in the full image, or they shrink to fit and leave holes there.
-    intrinsics = replace(
-        frame.intrinsics.scaled(0.5),
-        width=width,
-        height=height,
-        low_pass_px2=frame.intrinsics.low_pass_px2 / 4,
-    )
     return TrainingImage(
-        rgb=rgb, depth_m=smoothed, intrinsics=intrinsics, T_world_camera=frame.T_world_camera
+        rgb=rgb,
+        depth_m=smoothed,
+        intrinsics=halved_camera(frame.intrinsics),
+        T_world_camera=frame.T_world_camera,
     )

@@ -1,8 +1,9 @@
-"""Keyframes: halved images on disk, poses in memory."""
+"""Keyframes: images on disk, poses in memory."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +11,29 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 from numpy import ndarray
 
+from hgs_core.errors import MapError
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.keyframe_files import (
+    colour_name,
+    decode_depth,
+    depth_name,
+    depth_unit_m,
+    encode_depth,
+    write_colour,
+    write_depth,
+)
+from hgs_core.mapping.transforms import Transforms, write_transforms
+from hgs_core.sensing.frame import Frame
 
-_DEPTH_UNIT_M = 1e-4
-_NOTHING_IN_RANGE = np.uint16(65535)
+_WORKING_FOLDER = "working"
 _N_PROBES = 64
 _OCCLUSION_MARGIN_M = 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrainingImage:
-    """A halved RGB-D image to optimise against; `depth_m` is smoothed, 0 / +inf as in `Frame`."""
+    """An RGB-D image to optimise against; `depth_m` is smoothed, 0 / +inf as in `Frame`."""
 
     rgb: UInt8[ndarray, "height width 3"]
     depth_m: Float32[ndarray, "height width"]
@@ -39,18 +51,40 @@ class TrainingImage:
         return float(np.max(self.depth_m, where=self.measured, initial=0.0))
 
 
+def halved_camera(intrinsics: CameraIntrinsics) -> CameraIntrinsics:
+    """The camera of a halved training image; an odd last row or column is left out.
+
+    Splats are as wide in it as in the full image, or they would shrink to fit it and leave holes there.
+    """
+    return replace(
+        intrinsics.scaled(0.5),
+        width=intrinsics.width // 2,
+        height=intrinsics.height // 2,
+        low_pass_px2=intrinsics.low_pass_px2 / 4,
+    )
+
+
 class KeyframeStore:
-    """All keyframes of a mission. Images live in files (1 MB each); memory holds poses and a few probes.
+    """All keyframes of a mission. Images live in files; memory holds poses and a few probes.
+
+    For each keyframe the folder keeps the frame's full colour and the smoothed depth, compressed (0.5 MB),
+    which are there to stay, and what the mapper draws again and again from, the halved image, as it is (1 MB,
+    loaded in half a millisecond), which `drop_working_files` removes.
 
     Probes are surface points spread over a keyframe's image: two keyframes overlap when the probes of one
     fall into the image of the other.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, range_m: float) -> None:
+        """`range_m` is the farthest depth that frames hold: it decides the unit of the depth files."""
         self._folder = folder
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._working = folder / _WORKING_FOLDER
+        self._working.mkdir(parents=True, exist_ok=True)
+        self._range_m = range_m
+        self._depth_unit_m = depth_unit_m(range_m)
+        self._camera: CameraIntrinsics | None = None
         self._poses: list[SE3] = []
-        self._intrinsics: list[CameraIntrinsics] = []
+        self._timestamps_s: list[float] = []
         self._world_to_camera = np.zeros((0, 3, 4))
         self._positions_m = np.zeros((0, 3))
 
@@ -65,42 +99,69 @@ class KeyframeStore:
     def poses(self) -> SE3:
         """`T_world_camera` of all keyframes, batched."""
         return SE3(
-            rotation=np.stack([pose.rotation for pose in self._poses]),
-            translation=np.stack([pose.translation for pose in self._poses]),
+            rotation=np.array([pose.rotation for pose in self._poses]).reshape(-1, 3, 3),
+            translation=np.array([pose.translation for pose in self._poses]).reshape(-1, 3),
         )
 
-    def add(self, image: TrainingImage) -> int:
-        """Store a keyframe; returns its index."""
+    def add(self, image: TrainingImage, frame: Frame) -> int:
+        """Store a keyframe, `image` being made from `frame`; returns its index.
+
+        Raises `MapError` for a frame of another camera than the first one's.
+        """
+        if self._camera is None:
+            self._camera = frame.intrinsics
+        elif self._camera != frame.intrinsics:
+            raise MapError(f"keyframes come from one camera, {self._camera}; got {frame.intrinsics}")
         index = len(self)
-        depth = np.clip(image.depth_m / _DEPTH_UNIT_M + 0.5, 0, 65534)
-        encoded = np.where(np.isinf(image.depth_m), _NOTHING_IN_RANGE, depth.astype(np.uint16))
-        np.save(self._folder / f"{index:06d}_rgb.npy", image.rgb)
-        np.save(self._folder / f"{index:06d}_depth.npy", encoded)
+        encoded = encode_depth(image.depth_m, self._depth_unit_m)
+        write_colour(self._folder / colour_name(index), frame.rgb)
+        write_depth(self._folder / depth_name(index), encoded)
+        np.save(self._working / f"{index:06d}_rgb.npy", image.rgb)
+        np.save(self._working / f"{index:06d}_depth.npy", encoded)
         self._poses.append(image.T_world_camera)
-        self._intrinsics.append(image.intrinsics)
-        inverse = image.T_world_camera.inverse()
-        row = np.concatenate([inverse.rotation, inverse.translation[:, None]], axis=1)
-        self._world_to_camera = np.concatenate([self._world_to_camera, row[None]])
-        self._positions_m = np.concatenate([self._positions_m, image.T_world_camera.translation[None]])
+        self._timestamps_s.append(frame.timestamp_s)
+        self._index_pose(image.T_world_camera)
         return index
 
     def load(self, index: int) -> TrainingImage:
-        encoded = np.load(self._folder / f"{index:06d}_depth.npy")
-        depth = encoded.astype(np.float32) * np.float32(_DEPTH_UNIT_M)
-        depth[encoded == _NOTHING_IN_RANGE] = np.inf
+        """The halved image of a keyframe, from the working files."""
+        encoded = np.load(self._working / f"{index:06d}_depth.npy")
         return TrainingImage(
-            rgb=np.load(self._folder / f"{index:06d}_rgb.npy"),
-            depth_m=depth,
-            intrinsics=self._intrinsics[index],
+            rgb=np.load(self._working / f"{index:06d}_rgb.npy"),
+            depth_m=decode_depth(encoded, self._depth_unit_m),
+            intrinsics=self._halved_camera,
             T_world_camera=self._poses[index],
         )
+
+    def write_transforms(self, path: Path) -> None:
+        """Describe the stored images in `path`, which must lie beside or above their folder.
+
+        Raises `MapError` when there are none.
+        """
+        if self._camera is None:
+            raise MapError("no keyframe has been stored: there is nothing to describe")
+        below = self._folder.relative_to(path.parent)
+        names = range(len(self))
+        transforms = Transforms(
+            intrinsics=self._camera,
+            depth_unit_m=self._depth_unit_m,
+            T_world_camera=self.poses,
+            timestamps_s=np.array(self._timestamps_s),
+            colour_paths=tuple((below / colour_name(index)).as_posix() for index in names),
+            depth_paths=tuple((below / depth_name(index)).as_posix() for index in names),
+        )
+        write_transforms(transforms, path)
+
+    def drop_working_files(self) -> None:
+        """Remove what only `load` needs: nothing can be loaded or added after."""
+        shutil.rmtree(self._working)
 
     def overlap(self, image: TrainingImage, *, range_m: float) -> Float[ndarray, " n_keyframes"]:
         """Share of `image`'s surface probes that each keyframe has in view within `range_m`."""
         probes = _surface_probes(image)
         if len(probes) == 0 or len(self) == 0:
             return np.zeros(len(self))
-        camera = self._intrinsics[0]
+        camera = self._halved_camera
         share = np.zeros(len(self))
         near = self._near(probes, range_m + _OCCLUSION_MARGIN_M)
         homogeneous = np.concatenate([probes, np.ones((len(probes), 1))], axis=1)
@@ -116,7 +177,7 @@ class KeyframeStore:
 
     def _near(self, probes_m: Float[ndarray, "n 3"], depth_m: float) -> Int[ndarray, " n_near"]:
         """Keyframes that may have any of the probes in view: the only ones that cost anything."""
-        camera = self._intrinsics[0]
+        camera = self._halved_camera
         sideways = max(camera.cx, camera.width - camera.cx) / camera.fx
         upwards = max(camera.cy, camera.height - camera.cy) / camera.fy
         reach = depth_m * np.sqrt(1.0 + sideways**2 + upwards**2)
@@ -124,21 +185,35 @@ class KeyframeStore:
         return np.flatnonzero(np.all(apart <= reach, axis=1))
 
     def state(self) -> dict[str, Any]:
-        """Poses and cameras; the images are files already."""
-        matrices = [pose.as_matrix() for pose in self._poses]
-        return {"poses": matrices, "intrinsics": list(self._intrinsics)}
+        """Camera, poses and times; the images are files already."""
+        return {
+            "camera": self._camera,
+            "range_m": self._range_m,
+            "poses": [pose.as_matrix() for pose in self._poses],
+            "timestamps_s": list(self._timestamps_s),
+        }
 
     @staticmethod
     def restore(folder: Path, state: dict[str, Any]) -> KeyframeStore:
-        store = KeyframeStore(folder)
+        store = KeyframeStore(folder, range_m=state["range_m"])
+        store._camera = state["camera"]
         store._poses = [SE3.from_matrix(matrix) for matrix in state["poses"]]
-        store._intrinsics = list(state["intrinsics"])
-        rows = [pose.inverse() for pose in store._poses]
-        store._world_to_camera = np.array(
-            [np.concatenate([row.rotation, row.translation[:, None]], axis=1) for row in rows]
-        ).reshape(-1, 3, 4)
-        store._positions_m = np.array([pose.translation for pose in store._poses]).reshape(-1, 3)
+        store._timestamps_s = list(state["timestamps_s"])
+        for pose in store._poses:
+            store._index_pose(pose)
         return store
+
+    @property
+    def _halved_camera(self) -> CameraIntrinsics:
+        if self._camera is None:
+            raise MapError("no keyframe has been stored")
+        return halved_camera(self._camera)
+
+    def _index_pose(self, pose: SE3) -> None:
+        inverse = pose.inverse()
+        row = np.concatenate([inverse.rotation, inverse.translation[:, None]], axis=1)
+        self._world_to_camera = np.concatenate([self._world_to_camera, row[None]])
+        self._positions_m = np.concatenate([self._positions_m, pose.translation[None]])
 
 
 def _surface_probes(image: TrainingImage) -> Float[ndarray, "n 3"]:

@@ -69,7 +69,7 @@ class Mapper:
         self.config = config
         self.gaussians = GaussianMap()
         self.voxels = VoxelMap(voxel_config, region=region)
-        self.keyframes = KeyframeStore(keyframe_folder)
+        self.keyframes = KeyframeStore(keyframe_folder, range_m=camera_range_m)
         self._camera_range_m = camera_range_m
         self._scanner_range_m = scanner_range_m
         self._rng = rng
@@ -195,7 +195,7 @@ class Mapper:
         inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
         accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera, far_m=far_m)
         if is_keyframe:
-            self.keyframes.add(image)
+            self.keyframes.add(image, frame)
         self._n_frames += 1
         if self._n_frames % self.config.prune_interval == 0:
             self.prune(compact_share=_COMPACT_SHARE)

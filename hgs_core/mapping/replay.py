@@ -54,6 +54,7 @@ class Replay:
                 target.T_world_camera,
                 weights=self._config.loss,
                 rates=self._config.rates,
+                range_m=range_m,
             )
             n_steps += 1
         return n_steps

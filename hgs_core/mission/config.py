@@ -12,6 +12,8 @@ from hgs_core.config.presets import load_preset
 from hgs_core.errors import ConfigError
 from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.mapping.config import MappingConfig
+from hgs_core.mapping.refinement import RefinementConfig
+from hgs_core.mapping.volume_fusion import MeshConfig
 from hgs_core.mission.clock import ClockKind
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.robot.robot import RobotConfig
@@ -51,6 +53,8 @@ class MissionConfig(StrictConfig):
     robot: RobotConfig = RobotConfig()
     voxels: VoxelConfig = VoxelConfig()
     mapping: MappingConfig = MappingConfig()
+    refinement: RefinementConfig = RefinementConfig()
+    mesh: MeshConfig = MeshConfig()
     gain: GainConfig = GainConfig()
     planner: PlannerConfig = PlannerConfig()
     limits: MissionLimits = MissionLimits()

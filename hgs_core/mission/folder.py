@@ -34,8 +34,7 @@ class RunFolder:
         return self.partial / "keyframes"
 
     def complete(self) -> None:
-        """Drop working files and give the folder its name."""
-        shutil.rmtree(self.keyframes, ignore_errors=True)
+        """Give the folder its name."""
         if self.out.exists():
             self.out.rmdir()
         self.partial.rename(self.out)

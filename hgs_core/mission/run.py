@@ -6,6 +6,7 @@ import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,10 @@ from hgs_core.evaluation.result import EvaluationResult
 from hgs_core.evaluation.trajectory import Trajectory, write_trajectory
 from hgs_core.gaussians.ply import write_ply
 from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.keyframe_archive import KeyframeArchive
+from hgs_core.mapping.mesh_file import write_mesh
+from hgs_core.mapping.transforms import TRANSFORMS
+from hgs_core.mapping.volume_fusion import SurfaceMesh, fuse_mesh
 from hgs_core.mission.build import MissionParts, build_mission
 from hgs_core.mission.config import MissionConfig, resolve_mission_config
 from hgs_core.mission.events import (
@@ -31,6 +36,7 @@ from hgs_core.mission.events import (
 )
 from hgs_core.mission.folder import EventLog, RunFolder
 from hgs_core.mission.mission import MissionRecord
+from hgs_core.mission.report_page import write_report_page
 from hgs_core.mission.request import MissionRequest as MissionRequest
 from hgs_core.mission.versions import software_versions
 from hgs_core.native import kernels
@@ -41,9 +47,9 @@ def run_mission(
 ) -> MissionReport:
     """Run one mission and write its folder. Blocks until it has ended and been evaluated.
 
-    An interrupted mission leaves a complete folder, without the quality figures that only an evaluation
-    can give (`hgs evaluate` adds them). Raises `ConfigError` or `SceneError` before anything is written;
-    a later `HgsError` ends the mission with `failed`.
+    An interrupted mission leaves a complete folder at once, without the mesh and the quality figures that
+    take their time (`hgs mesh`, `hgs evaluate` and `hgs report` add them). Raises `ConfigError` or
+    `SceneError` before anything is written; a later `HgsError` ends the mission with `failed`.
     """
     config = _resolved(request)
     kernels.set_threads(config.threads)
@@ -62,14 +68,16 @@ def run_mission(
         began = time.perf_counter()
         record = _run(parts)
         report = _report(request, config, parts, record, wall_s=time.perf_counter() - began)
-        if config.evaluate and record.stop_reason is not StopReason.INTERRUPTED and record.poses:
-            report = report.with_evaluation(_evaluate(config, parts, record, log))
-        _write(folder.partial, request, config, parts, record, report)
-        log.on_event(
-            PhaseChanged(
-                time_s=parts.world.robot.state.timestamp_s, phase=MissionPhase.ENDED, reason=record.message
-            )
-        )
+        progress = _Progress(log, parts.world.robot.state.timestamp_s)
+        _write_results(folder.partial, request, config, parts, record)
+        if record.stop_reason is not StopReason.INTERRUPTED and record.poses:
+            mesh = _write_mesh(folder.partial, config, progress)
+            if config.evaluate:
+                report = report.with_evaluation(_evaluate(config, parts, record, mesh, progress))
+        report.write(folder.partial / "report.json")
+        caster = parts.scene.caster if config.evaluate else None
+        write_report_page(folder.partial, config, caster=caster, progress=progress)
+        log.on_event(PhaseChanged(time_s=progress.time_s, phase=MissionPhase.ENDED, reason=record.message))
     finally:
         log.close()
     folder.complete()
@@ -105,20 +113,44 @@ def _run(parts: MissionParts) -> MissionRecord:
         return record
 
 
+@dataclass(frozen=True)
+class _Progress:
+    """Tells what is done after the mission."""
+
+    log: EventLog
+    time_s: float
+
+    def __call__(self, message: str) -> None:
+        self.log.on_event(PhaseChanged(time_s=self.time_s, phase=MissionPhase.EVALUATING, reason=message))
+
+
+def _write_mesh(folder: Path, config: MissionConfig, progress: _Progress) -> SurfaceMesh | None:
+    """`mesh.ply` from the keyframes in `folder`; None where it is not wanted, or there is no surface."""
+    if not config.mesh.enabled:
+        return None
+    mesh = fuse_mesh(KeyframeArchive.open(folder), config.mesh, progress=progress)
+    if len(mesh.triangles) == 0:
+        message = "no mesh: the keyframes hold no depth that makes a surface"
+        progress.log.on_event(Notice(time_s=progress.time_s, level="warning", message=message))
+        return None
+    write_mesh(mesh, folder / "mesh.ply")
+    return mesh
+
+
 def _evaluate(
-    config: MissionConfig, parts: MissionParts, record: MissionRecord, log: EventLog
+    config: MissionConfig,
+    parts: MissionParts,
+    record: MissionRecord,
+    mesh: SurfaceMesh | None,
+    progress: _Progress,
 ) -> EvaluationResult:
-    time_s = parts.world.robot.state.timestamp_s
-
-    def progress(message: str) -> None:
-        log.on_event(PhaseChanged(time_s=time_s, phase=MissionPhase.EVALUATING, reason=message))
-
     progress("comparing the map with the true surface")
     return evaluate_mission(
         scene=parts.scene,
         caster=parts.scene.caster,
         start_xy=(parts.scene.start.x_m, parts.scene.start.y_m),
         gaussians=parts.mapper.gaussians,
+        mesh=mesh,
         training_poses=_batched(record.poses),
         intrinsics=config.sensor.camera.intrinsics(),
         camera_height_m=config.sensor.camera.mount_height_m,
@@ -188,15 +220,14 @@ def _report(
     )
 
 
-def _write(
-    folder: Path,
-    request: MissionRequest,
-    config: MissionConfig,
-    parts: MissionParts,
-    record: MissionRecord,
-    report: MissionReport,
+def _write_results(
+    folder: Path, request: MissionRequest, config: MissionConfig, parts: MissionParts, record: MissionRecord
 ) -> None:
+    """Everything that needs no evaluation."""
     write_ply(parts.mapper.gaussians, folder / "map.ply")
+    if len(parts.mapper.keyframes):
+        parts.mapper.keyframes.write_transforms(folder / TRANSFORMS)
+    parts.mapper.keyframes.drop_working_files()
     trajectory = Trajectory(timestamps_s=np.array(record.timestamps_s), poses=_batched(record.poses))
     write_trajectory(trajectory, folder / "trajectory.txt")
     content = {
@@ -212,7 +243,6 @@ def _write(
         "mission": config.model_dump(mode="json"),
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    report.write(folder / "report.json")
 
 
 class NoCommands:

@@ -86,7 +86,7 @@ struct Step {
 };
 
 Step step_of(const Rows& parameters, const Rows& first_moment, const Rows& second_moment, const IntColumn& steps,
-             const Bounds& bounds, const ConstRgb& rgb, const ConstImage& depth, const std::array<float, 3>& weights,
+             const Bounds& bounds, const ConstRgb& rgb, const ConstImage& depth, const std::array<float, 4>& weights,
              const AdamNumbers& numbers) {
   const std::size_t n = parameters.shape(0);
   require_same_image(rgb, depth);
@@ -94,14 +94,14 @@ Step step_of(const Rows& parameters, const Rows& first_moment, const Rows& secon
           "Adam's arrays need a row for every Gaussian");
   Step step{{parameters.data(), first_moment.data(), second_moment.data(), steps.data(), bounds.data(), {},
              numbers[8], numbers[9], numbers[10], numbers[11], numbers[12]},
-            {rgb.data(), depth.data(), weights[0], weights[1], weights[2]}};
+            {rgb.data(), depth.data(), weights[0], weights[1], weights[2], weights[3]}};
   for (int k = 0; k < hgs::N_PARAMETERS; ++k) step.adam.rates[k] = numbers[k];
   return step;
 }
 
 std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
     Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
-    ConstRgb rgb, ConstImage depth, std::array<float, 3> weights, AdamNumbers adam) {
+    ConstRgb rgb, ConstImage depth, std::array<float, 4> weights, AdamNumbers adam) {
   const Step step = step_of(parameters, first_moment, second_moment, steps, bounds, rgb, depth, weights, adam);
   const nb::gil_scoped_release release;
   const hgs::LossSums loss = hgs::variant_kernels().rasterise.optimise(
@@ -111,7 +111,7 @@ std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
 
 std::tuple<double, double, double, double, double> time_stages(
     Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
-    ConstRgb rgb, ConstImage depth, std::array<float, 3> weights, AdamNumbers adam) {
+    ConstRgb rgb, ConstImage depth, std::array<float, 4> weights, AdamNumbers adam) {
   const Step step = step_of(parameters, first_moment, second_moment, steps, bounds, rgb, depth, weights, adam);
   const nb::gil_scoped_release release;
   const hgs::StageTimes times = hgs::variant_kernels().rasterise.stages(

@@ -4,8 +4,8 @@
 
 namespace hgs {
 
-// Halves an RGB-D image. Colour: 2 x 2 mean. Depth: mean of the valid pixels within `edge_m` of the nearest
-// one; +inf where all valid pixels say "nothing within range", 0 where there is no return at all.
+// Halves an RGB-D image. Colour: 2 x 2 mean. Depth: mean over the surface that most of the four pixels show (depths
+// within `edge_m` of one of them); +inf where more say "nothing within range", 0 where there is no return at all.
 void halve_frame(const std::uint8_t* rgb, const float* depth, int width, int height, float edge_m,
                  std::uint8_t* rgb_half, float* depth_half);
 

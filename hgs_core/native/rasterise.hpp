@@ -52,8 +52,8 @@ struct ImageGradients {
 
 struct Target {
   const std::uint8_t* rgb;  // (h, w, 3)
-  const float* depth;       // (h, w); 0 and +inf hold no measurement
-  float colour_weight, depth_weight, silhouette_weight;
+  const float* depth;       // (h, w); 0: no measurement; +inf: nothing is nearer than the camera's far_m
+  float colour_weight, depth_weight, silhouette_weight, free_weight;
 };
 
 struct AdamState {

@@ -3,7 +3,8 @@
 //
 // loss = 1/N sum over valid pixels of  w_c |C/A - rgb|_1 / 3 + w_d |D/A - depth|   where A > 0.05
 //                                    + w_s (1 - A)^2
-// with N the number of valid pixels (0 < depth < inf). N is known before anything is drawn, so loss and backward
+//        + 1/N sum over free pixels of   w_f A^2
+// with N the number of valid pixels (0 < depth < inf); free ones (depth = inf) see nothing up to the far plane. N is known before anything is drawn, so loss and backward
 // sweep follow each tile's forward sweep while the tile is in cache.
 #pragma once
 #include "rasterise_sweeps.hpp"
@@ -93,13 +94,16 @@ static void gradients_of_image(const ForwardTile& state, const Window& window, c
   start_backward(state, window, gradients);
 }
 
+inline constexpr int LOSS_SUMS = 5;
+
 struct LossScale {
-  float colour, depth, silhouette;  // weight of one pixel's term; colour: of one channel
+  float colour, depth, silhouette, free;  // weight of one pixel's term; colour: of one channel
 };
 
 HGS_INLINE LossScale loss_scale(const Target& target, std::int64_t pixels) {
   const float share = 1.0f / static_cast<float>(pixels);
-  return {target.colour_weight * share / 3.0f, target.depth_weight * share, target.silhouette_weight * share};
+  return {target.colour_weight * share / 3.0f, target.depth_weight * share, target.silhouette_weight * share,
+          target.free_weight * share};
 }
 
 // scale * sign(a), 0 at 0.
@@ -108,9 +112,10 @@ HGS_INLINE VFloat signed_as(VFloat scale, VFloat a) {
   return (a != 0.0f) ? signed_scale : VFloat{};
 }
 
-// What a tile should look like: colours from 0 to 255, and depth, 0 where it is not known.
+// What a tile should look like: colours from 0 to 255, and depth, 0 where it is not known, FREE where nothing is.
 enum { TRUE_R, TRUE_G, TRUE_B, TRUE_DEPTH, TARGET_PLANES };
 using TargetTile = TilePlanes<TARGET_PLANES>;
+inline constexpr float FREE = -1.0f;
 
 // The same values of one row of pixels, as many as the tile is wide.
 struct TargetRow {
@@ -120,7 +125,7 @@ struct TargetRow {
 HGS_INLINE void load_row(const std::uint8_t* rgb, const float* depth, int width, TargetRow& row) {
   for (int x = 0; x < width; ++x) {
     for (int k = 0; k < 3; ++k) row.values[TRUE_R + k][x] = rgb[3 * x + k];
-    row.values[TRUE_DEPTH][x] = is_valid_depth(depth[x]) ? depth[x] : 0.0f;
+    row.values[TRUE_DEPTH][x] = depth[x] == __builtin_inff() ? FREE : depth[x] > 0.0f ? depth[x] : 0.0f;
   }
 }
 
@@ -147,12 +152,13 @@ HGS_INLINE void load_target(const Target& target, const Window& window, const Pi
   }
 }
 
-// `losses`: |C/A - rgb| (mean of the channels), |D/A - depth| and (1 - A)^2 summed over the tile, and pixels compared.
+// `losses`: |C/A - rgb| (mean of the channels), |D/A - depth|, (1 - A)^2, pixels compared, and A^2 where nothing should
+// be, each summed over the tile.
 static void gradients_of_loss(const ForwardTile& state, const Window& window, const PinholeCamera& camera,
                               const Target& target, const LossScale& scale, GradientTile& gradients, double* losses) {
   TargetTile wanted;
   load_target(target, window, camera, wanted);
-  VFloat colour_loss{}, depth_loss{}, uncovered{}, covered{};
+  VFloat colour_loss{}, depth_loss{}, uncovered{}, covered{}, in_the_way{};
   for (int patch = 0; patch < PATCHES; ++patch) {
     const float(*truth)[PATCH] = wanted.patches[patch];
     const float(*sums)[PATCH] = state.patches[patch];
@@ -178,18 +184,22 @@ static void gradients_of_loss(const ForwardTile& state, const Window& window, co
       store(planes[DD_PLANE] + i, slope);
       slope_by_A -= slope * mean;
       depth_loss += vabs(error);
-      store(planes[DA_PLANE] + i, valid ? slope_by_A - 2.0f * scale.silhouette * T : VFloat{});
+      const VInt free = depth == FREE;
+      const VFloat slope_if_free = free ? 2.0f * scale.free * A : VFloat{};
+      store(planes[DA_PLANE] + i, valid ? slope_by_A - 2.0f * scale.silhouette * T : slope_if_free);
+      in_the_way += free ? A * A : VFloat{};
       uncovered += valid ? T * T : VFloat{};
       covered += compared ? splat_all(1.0f) : VFloat{};
     }
   }
   start_backward(state, window, gradients);
-  for (int k = 0; k < 4; ++k) losses[k] = 0.0;
+  for (int k = 0; k < LOSS_SUMS; ++k) losses[k] = 0.0;
   for (int lane = 0; lane < LANES; ++lane) {
     losses[0] += colour_loss[lane] / 3.0;
     losses[1] += depth_loss[lane];
     losses[2] += uncovered[lane];
     losses[3] += covered[lane];
+    losses[4] += in_the_way[lane];
   }
 }
 

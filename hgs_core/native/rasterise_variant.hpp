@@ -1,5 +1,7 @@
 // The entry points of one instruction-set variant. A variant file defines HGS_VARIANT and includes this.
 #pragma once
+#include <algorithm>
+
 #include <omp.h>
 
 #include "adam.hpp"
@@ -89,7 +91,7 @@ static void sweep_loss(Workspace& workspace, const PinholeCamera& camera, const 
       [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
         const double began = second_half_s == nullptr ? 0.0 : omp_get_wtime();
         GradientTile gradients;
-        gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + 4 * index);
+        gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + LOSS_SUMS * index);
         sweep_backward(tile, traces, gradients, pair_sums);
         clear_pairs(tile, traces.n, pair_sums);
         if (second_half_s != nullptr) second_half_s[omp_get_thread_num()] += omp_get_wtime() - began;
@@ -104,25 +106,26 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   if (loss.pixels == 0) return loss;
   // Other rooms lie in the frustum too: half the work of a late mission, and nothing to learn about them.
   PinholeCamera camera = whole;
-  camera.far_m = valid.farthest + BEHIND_M;
+  camera.far_m = std::min(whole.far_m, valid.farthest + BEHIND_M);
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
   prepare(gaussians, camera, workspace);
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
-  double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
+  double* tile_losses = workspace.tile_losses.require(std::size_t{LOSS_SUMS} * n_tiles);
   const LossScale scale = loss_scale(target, loss.pixels);
   sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses, nullptr);
   step_visible(workspace, camera, adam);
-  double uncovered = 0.0, covered = 0.0;
+  double uncovered = 0.0, covered = 0.0, in_the_way = 0.0;
   for (int index = 0; index < n_tiles; ++index) {
-    loss.colour_l1 += tile_losses[4 * index];
-    loss.depth_l1_m += tile_losses[4 * index + 1];
-    uncovered += tile_losses[4 * index + 2];
-    covered += tile_losses[4 * index + 3];
+    loss.colour_l1 += tile_losses[LOSS_SUMS * index];
+    loss.depth_l1_m += tile_losses[LOSS_SUMS * index + 1];
+    uncovered += tile_losses[LOSS_SUMS * index + 2];
+    covered += tile_losses[LOSS_SUMS * index + 3];
+    in_the_way += tile_losses[LOSS_SUMS * index + 4];
   }
   loss.total = (target.colour_weight * loss.colour_l1 + target.depth_weight * loss.depth_l1_m +
-                target.silhouette_weight * uncovered) /
+                target.silhouette_weight * uncovered + target.free_weight * in_the_way) /
                static_cast<double>(loss.pixels);
   loss.covered = static_cast<std::int64_t>(covered);
   if (loss.covered > 0) {
@@ -147,7 +150,7 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   times.prepare_s = lap();
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
-  double* tile_losses = workspace.tile_losses.require(std::size_t{4} * n_tiles);
+  double* tile_losses = workspace.tile_losses.require(std::size_t{LOSS_SUMS} * n_tiles);
   const LossScale scale = loss_scale(target, valid_depths(target, camera).pixels + 1);
   const int threads = omp_get_max_threads();
   double* second_half_s = workspace.thread_times.require(std::size_t{1} * threads);

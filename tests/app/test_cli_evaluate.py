@@ -15,6 +15,8 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.ply import write_ply
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.geometry.se3 import SE3
+from hgs_core.mapping.mesh_file import write_mesh
+from hgs_core.mapping.volume_fusion import SurfaceMesh
 from hgs_core.mission.config import resolve_mission_config
 
 ROOM_M = (4.0, 3.0, 2.5)
@@ -102,6 +104,42 @@ def test_a_folder_gets_its_figures_and_keeps_them(run_folder: Path) -> None:
     assert hgs("evaluate", str(run_folder)).exit_code == 0
     again = json.loads((run_folder / "report.json").read_text())
     assert {**again, "evaluation_s": None} == {**report, "evaluation_s": None}
+
+
+def test_a_mesh_in_the_folder_is_measured_as_well(run_folder: Path) -> None:
+    """A flat square 2 cm above the floor: accuracy 2 cm; without the file the columns are null again."""
+    corners = np.array([(1, 1, 0.02), (2, 1, 0.02), (2, 2, 0.02), (1, 2, 0.02)], np.float32)
+    square = SurfaceMesh(
+        vertices_m=corners,
+        triangles=np.array([(0, 1, 2), (0, 2, 3)], np.int32),
+        rgb=np.full((4, 3), 128, np.uint8),
+    )
+    write_mesh(square, run_folder / "mesh.ply")
+    assert hgs("evaluate", str(run_folder)).exit_code == 0
+    report = json.loads((run_folder / "report.json").read_text())
+    assert report["n_vertices_mesh"] == 4
+    assert report["accuracy_cm_mesh"] == pytest.approx(2.0, abs=0.01)
+    assert report["accuracy_cm"] == pytest.approx(1.0, abs=0.01)
+    (run_folder / "mesh.ply").unlink()
+    assert hgs("evaluate", str(run_folder)).exit_code == 0
+    assert json.loads((run_folder / "report.json").read_text())["accuracy_cm_mesh"] is None
+
+
+def test_held_out_views_are_listed_and_shown(run_folder: Path) -> None:
+    """The floor is all that the map holds: its views have figures where the only frame saw floor."""
+    assert hgs("evaluate", str(run_folder)).exit_code == 0
+    report = json.loads((run_folder / "report.json").read_text())
+    images = report["held_out_images"]
+    assert len(images) == 40
+    measured = [image["psnr_db"] for image in images if image["psnr_db"] is not None]
+    assert np.mean(measured) == pytest.approx(report["psnr_db"], abs=1e-6)
+    (run_folder / "events.jsonl").write_text("")
+    result = hgs("report", str(run_folder))
+    assert result.exit_code == 0, result.output
+    page = (run_folder / "report.html").read_text()
+    assert "Held-out views, from poses that no frame was taken from" in page
+    assert f"Best view: {max(measured):.1f} dB" in page
+    assert f"Worst view: {min(measured):.1f} dB" in page
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "map.ply", "trajectory.txt", "report.json"])

@@ -23,7 +23,7 @@ def test_version() -> None:
 
 def test_no_command_shows_help() -> None:
     told = hgs().output
-    for command in ("run", "evaluate", "scenes", "presets", "serve"):
+    for command in ("run", "evaluate", "refine", "report", "mesh", "scenes", "presets", "serve"):
         assert command in told
 
 

@@ -1,10 +1,17 @@
 import numpy as np
 import pytest
 
-from app.missions.colour_maps import BEYOND_RANGE, NO_RETURN, colourise, colourise_depth, colourise_log, ramp
 from app.missions.display import CANDIDATE_STATUSES, SUBSPACE_STATES, DisplayView, slot_bytes
 from app.missions.display_builder import GAP_FACTOR, display_view
 from app.missions.transport import ArraySlot
+from hgs_core.evaluation.colour_maps import (
+    BEYOND_RANGE,
+    NO_RETURN,
+    colourise,
+    colourise_depth,
+    colourise_log,
+    ramp,
+)
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.planning.plan import CandidateStatus, SubspaceState
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap

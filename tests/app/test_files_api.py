@@ -36,6 +36,22 @@ def test_a_mission_without_images_says_so(service):
     assert "no images" in answer.json()["detail"]
 
 
+def test_keyframe_images_can_be_fetched_but_do_not_crowd_the_list(service):
+    client = service("run_short")
+    mission = begin(client)
+    wait_for(client, mission, "completed")
+    folder = client.app.state.service.get(mission).results_dir
+    (folder / "keyframes").mkdir()
+    (folder / "keyframes" / "000000.jpg").write_bytes(b"picture")
+    (folder / "transforms.json").write_text("{}")
+    path = f"/api/v1/missions/{mission}/results"
+    described = {entry["name"]: entry["description"] for entry in client.get(path).json()}
+    assert "nerfstudio" in described["transforms.json"]
+    assert not any(name.startswith("keyframes") for name in described)
+    assert client.get(f"{path}/keyframes/000000.jpg").content == b"picture"
+    assert client.get(f"{path}/keyframes/000001.jpg").status_code == 404
+
+
 def test_no_result_name_leads_out_of_the_folder(service):
     client = service("run_short")
     mission = begin(client)

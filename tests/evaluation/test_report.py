@@ -13,8 +13,10 @@ from hgs_core.evaluation.report import (
     Region,
     UnseenEntry,
 )
-from hgs_core.evaluation.result import EvaluationResult, ImageMetrics
+from hgs_core.evaluation.result import ErrorPrediction, EvaluationResult, ImageMetrics, ViewResult
 from hgs_core.evaluation.surface import SurfaceMetrics
+from hgs_core.evaluation.uncertainty import PredictionScore
+from hgs_core.geometry.camera import level_camera_pose
 
 PROMISED_KEYS = [
     "scene",
@@ -69,6 +71,23 @@ SURFACE = SurfaceMetrics(
     recall=(0.125, 0.375, 0.625, 0.875),
     f1=(0.2, 0.4, 0.6, 0.8),
 )
+
+
+def view(correlation: float) -> ViewResult:
+    """A view whose four predictors score `correlation` and 0.25, 0.5, 0.75 below it."""
+    scores = [
+        PredictionScore(correlation=correlation - below, sparsification_error=0.1 + below)
+        for below in (0.0, 0.25, 0.5, 0.75)
+    ]
+    return ViewResult(
+        T_world_camera=level_camera_pose(1.0, 2.0, 1.0, 0.5),
+        observed_share=0.75,
+        psnr_db=24.0,
+        ssim=0.5,
+        prediction=ErrorPrediction(quality=scores[0], gain=scores[1], depth=scores[2], constant=scores[3]),
+    )
+
+
 EVALUATION = EvaluationResult(
     surface=SURFACE,
     surface_opaque=replace(SURFACE, n_points=800, accuracy_cm=1.0),
@@ -83,6 +102,7 @@ EVALUATION = EvaluationResult(
         psnr_db_unmasked=22.0,
         ssim_unmasked=0.7,
         observed_mask_share=0.9,
+        views=(view(0.5), view(0.75), view(float("nan"))),
     ),
     wall_s=60.0,
 )
@@ -143,6 +163,28 @@ def test_figures_come_from_their_sources() -> None:
     assert (report.precision_5cm, report.recall_10cm, report.f1_1cm) == (0.75, 0.875, 0.2)
     assert (report.accuracy_cm, report.accuracy_cm_opaque, report.n_gaussians_opaque) == (1.25, 1.0, 800)
     assert (report.psnr_db, report.observable_fraction) == (25.0, 0.6)
+
+
+def test_predictors_are_averaged_over_the_views_that_have_a_score() -> None:
+    report = compose()
+    assert report.quality_correlation == pytest.approx(0.625)
+    assert report.quality_correlation_gain == pytest.approx(0.375)
+    assert report.quality_correlation_depth_only == pytest.approx(0.125)
+    assert report.sparsification_error == pytest.approx(0.1)
+    assert report.sparsification_error_constant == pytest.approx(0.85)
+    first, _, last = report.held_out_images
+    assert first.position_m == (1.0, 2.0, 1.0)
+    assert (first.psnr_db, first.observed_share, first.quality_correlation) == (24.0, 0.75, 0.5)
+    assert last.quality_correlation is None
+
+
+def test_a_mesh_has_columns_of_its_own_that_go_with_it() -> None:
+    assert compose().accuracy_cm_mesh is None
+    meshed = replace(EVALUATION, surface_mesh=replace(SURFACE, n_points=70, accuracy_cm=0.5))
+    report = compose(meshed)
+    assert (report.n_vertices_mesh, report.accuracy_cm_mesh, report.f1_5cm_mesh) == (70, 0.5, 0.6)
+    assert report.accuracy_cm == 1.25
+    assert report.with_evaluation(EVALUATION) == compose()
 
 
 def test_round_trip(tmp_path: Path) -> None:

@@ -80,6 +80,7 @@ class ReferenceOptimiser:
             WEIGHTS.colour * (colour[covered] / A[:, None] - truth_rgb[covered]).abs().mean(dim=1).sum()
             + WEIGHTS.depth * (depth[covered] / A - truth_depth[covered]).abs().sum()
             + WEIGHTS.silhouette * ((1.0 - silhouette[valid]) ** 2).sum()
+            + WEIGHTS.free * (silhouette[truth_depth == np.inf] ** 2).sum()
         ) / valid.sum()
         (g,) = torch.autograd.grad(loss, leaf)
         moved = (g != 0).any(dim=1)
@@ -133,6 +134,7 @@ def test_reported_terms_are_means_over_covered_pixels() -> None:
     expected = (
         share * (WEIGHTS.colour * colour_error + WEIGHTS.depth * depth_error)
         + WEIGHTS.silhouette * ((1.0 - drawn.silhouette[valid]) ** 2).mean()
+        + WEIGHTS.free * (drawn.silhouette[np.isinf(view.depth_m)] ** 2).sum() / loss.pixels
     )
     assert loss.total == pytest.approx(expected, rel=1e-4)
 

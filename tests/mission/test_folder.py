@@ -26,7 +26,6 @@ class Heard:
 
 def test_the_name_appears_only_when_complete(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run")
-    folder.keyframes.mkdir()
     (folder.partial / "report.json").write_text("{}")
     assert not (tmp_path / "run").exists()
     folder.complete()

@@ -11,6 +11,7 @@ from hgs_core.errors import ConfigError, SceneError
 from hgs_core.evaluation.report import MissionReport
 from hgs_core.evaluation.trajectory import read_trajectory
 from hgs_core.gaussians.ply import read_ply
+from hgs_core.mapping.keyframe_archive import KeyframeArchive
 from hgs_core.mission.events import Command, MissionEvent, MissionView, PhaseChanged, PlanMade, Telemetry
 from hgs_core.mission.run import MissionRequest, NoCommands, run_mission
 from hgs_core.planning.views import ViewMemory
@@ -65,7 +66,17 @@ def test_a_mission_leaves_a_complete_folder_and_repeats_exactly(tmp_path: Path) 
     assert report.path_length_m > 0.3
     assert all(entry.reason != "interrupted" for entry in report.unseen)
     names = {path.name for path in (tmp_path / "a").iterdir()}
-    assert names == {"config.yaml", "events.jsonl", "map.ply", "report.json", "trajectory.txt"}
+    assert names == {
+        "config.yaml",
+        "events.jsonl",
+        "keyframes",
+        "map.ply",
+        "mesh.ply",
+        "report.html",
+        "report.json",
+        "trajectory.txt",
+        "transforms.json",
+    }
     assert MissionReport.read(tmp_path / "a" / "report.json") == report
 
     first, second = (read_trajectory(tmp_path / name / "trajectory.txt") for name in ("a", "b"))
@@ -109,6 +120,11 @@ def test_stop_waits_for_no_frame_and_leaves_a_complete_folder(tmp_path: Path) ->
     assert report.frames <= 2
     assert (tmp_path / "run" / "map.ply").is_file()
     assert report.psnr_db is None
+    keyframes = KeyframeArchive.open(tmp_path / "run")
+    assert len(keyframes) == report.keyframes == 1
+    assert keyframes.load(0).rgb.shape == (340, 600, 3)
+    files = sorted(path.name for path in (tmp_path / "run" / "keyframes").iterdir())
+    assert files == ["000000.jpg", "000000_depth.png"]
 
 
 def test_by_the_real_clock_every_frame_is_taken_or_counted_as_lost(tmp_path: Path) -> None:
