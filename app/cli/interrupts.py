@@ -1,4 +1,4 @@
-"""Ctrl-C as an operator's STOP: the mission ends in order and leaves a complete folder."""
+"""Ctrl-C as an operator's STOP: what was reached is kept, in a complete folder."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class InterruptCommands:
         if self._stop_requested:
             self._messages.put("already stopping: the results are being written, please wait")
         else:
-            self._messages.put("stopping: the mission ends in order and its results are written")
+            self._messages.put("stopping: what was reached is written, please wait")
         self._stop_requested = True
 
     def _speak(self, say: Callable[[str], None]) -> None:
