@@ -111,11 +111,12 @@ class Mapper:
         """Optimisation steps on the newest frame and on keyframes; returns how many.
 
         As many as mission time has earned (`MappingConfig.iterations_per_s`), or, where it is given, as long
-        as `time_left` holds. Both are asked before every step, and `interrupted` ends the steps early.
+        as `time_left` holds, but one at least: who is always late would else never learn. Both are asked
+        before every step, and `interrupted` ends the steps early.
         """
         if self._newest is None:
             return 0
-        pays = self._steps.spend if time_left is None else time_left
+        pays = self._steps.spend if time_left is None else _at_least_once(time_left)
         return self._replay.optimise(
             self.gaussians,
             self.keyframes,
@@ -265,3 +266,9 @@ class Mapper:
             moved_m >= self.config.keyframe_translation_m - 1e-6
             or turned_deg >= self.config.keyframe_rotation_deg - 1e-6
         )
+
+
+def _at_least_once(time_left: Callable[[], bool]) -> Callable[[], bool]:
+    """True when asked first, then as `time_left` says."""
+    first = iter([True])
+    return lambda: next(first, False) or time_left()

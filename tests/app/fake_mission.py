@@ -356,6 +356,12 @@ def _view(
 def _write(request: Any, stop_reason: StopReason, frames: int) -> None:
     out = Path(request.out)
     out.mkdir(parents=True)
-    report = {"scene": request.scene, "seed": request.seed, "stop_reason": str(stop_reason), "frames": frames}
+    report = {
+        "scene": request.scene,
+        "seed": request.seed,
+        "clock": request.clock,
+        "stop_reason": str(stop_reason),
+        "frames": frames,
+    }
     (out / "report.json").write_text(json.dumps(report), encoding="utf-8")
     (out / "trajectory.txt").write_text("# timestamp tx ty tz qx qy qz qw\n", encoding="utf-8")

@@ -23,7 +23,13 @@ def test_a_mission_runs_to_its_end_and_leaves_results(service):
     names = [entry["name"] for entry in client.get(f"/api/v1/missions/{mission}/results").json()]
     assert names == ["report.json", "trajectory.txt", "process.log"]
     report = client.get(f"/api/v1/missions/{mission}/results/report.json")
-    assert report.json() == {"scene": "house", "seed": 3, "stop_reason": "complete", "frames": 20}
+    assert report.json() == {
+        "scene": "house",
+        "seed": 3,
+        "clock": None,
+        "stop_reason": "complete",
+        "frames": 20,
+    }
     assert mission in report.headers["content-disposition"]
 
 
@@ -176,6 +182,7 @@ def test_unknown_things_are_problems_too(service):
         ({"scene": "house:x"}, "scene", "house"),
         ({"preset": "fast"}, "preset", "quick"),
         ({"seed": -1}, "seed", "greater than or equal to 0"),
+        ({"clock": "sundial"}, "clock", "'lockstep' or 'real'"),
         ({"max_time_s": 0}, "max_time_s", "greater than 0"),
         ({"colour": "red"}, "colour", "not permitted"),
         ({"overrides": {"mapping.nothing": "3"}}, "overrides", "nothing"),
@@ -193,6 +200,18 @@ def test_a_wish_that_cannot_be_met_names_field_value_and_what_is_allowed(service
     assert "value" in entry
     assert mentions in entry["message"]
     assert client.get("/api/v1/missions").json()["missions"] == []
+
+
+@pytest.mark.parametrize("clock", [None, "lockstep", "real"])
+def test_the_mission_runs_by_the_clock_that_was_chosen(service, clock):
+    client = service("run_short")
+    created = client.post("/api/v1/missions", json={"preset": "quick", "clock": clock})
+    assert created.json()["clock"] == clock
+    mission = created.json()["id"]
+    client.post(f"/api/v1/missions/{mission}/start")
+    wait_for(client, mission, "completed")
+    report = client.get(f"/api/v1/missions/{mission}/results/report.json").json()
+    assert report["clock"] == clock
 
 
 def test_a_repeated_request_makes_one_mission(service):

@@ -72,8 +72,8 @@ class Watched(KeyframeStore):
 
 
 def counted(n_steps: int) -> Callable[[], bool]:
-    """Time for so many steps."""
-    left = iter([True] * n_steps)
+    """Time for so many steps: the first is taken without asking."""
+    left = iter([True] * (n_steps - 1))
     return lambda: next(left, False)
 
 
@@ -100,11 +100,18 @@ def test_mission_time_pays_for_the_steps(tmp_path: Path) -> None:
     assert counts == [0, 2, 3, 2, 3]
 
 
+def test_however_little_time_is_left_one_step_is_taken(tmp_path: Path) -> None:
+    mapper = empty_mapper(MappingConfig(), tmp_path)
+    for number in range(3):
+        mapper.integrate(wall_ahead(0.1 * number, number))
+        assert mapper.optimise(interrupted=lambda: False, time_left=lambda: False) == 1
+
+
 def test_steps_end_as_soon_as_they_are_interrupted(tmp_path: Path) -> None:
     mapper = empty_mapper(MappingConfig(), tmp_path)
     assert mapper.optimise(interrupted=lambda: False) == 0
     mapper.integrate(wall_ahead(0.0, 0))
-    goes_on = counted(3)
+    goes_on = counted(4)
     assert mapper.optimise(interrupted=lambda: not goes_on(), time_left=lambda: True) == 3
 
 
