@@ -13,6 +13,7 @@ const FIGURES = [
   ["gaussians", "Gaussians", "", (f) => count(f.n_gaussians), "Gaussians in the map"],
   ["psnr", "PSNR now", "dB", (f) => fixed(f.psnr_current_db, 1), "Newest image against the map"],
   ["keyframes", "Keyframes", "", (f) => count(f.n_keyframes), "Images kept for optimisation"],
+  ["steps", "Steps", "", (f) => count(f.iterations), "Optimisation steps so far, one image each"],
   [
     "dropped",
     "Dropped",
