@@ -15,8 +15,9 @@ class DepthFusionConfig(StrictConfig):
     """Half-width of the edge-aware window, in pixels of the halved image."""
     smoothing_gate_m: float = Field(0.025, gt=0)
     """How far a pair of opposite pixels may disagree with the centre and still be averaged in."""
-    gate_m: float = Field(0.04, gt=0)
-    """A Gaussian this near to the measured depth is the surface that the depth shows."""
+    gate_m: float = Field(0.04, ge=0)
+    """A Gaussian this near to the measured depth is the surface that the depth shows. With 0, and a slope of
+    0, centres are never averaged."""
     gate_slope: float = Field(0.008, ge=0)
     """Growth of that gate per metre of distance."""
     max_observations: int = Field(40, ge=1)
@@ -36,6 +37,8 @@ class InsertionConfig(StrictConfig):
     """Spacing grows where there is less contrast, up to so many times."""
     radius_factor: float = Field(0.5, gt=0)
     """Radius of a new Gaussian in units of its spacing."""
+    follow_slant: bool = True
+    """Distances between pixels are measured on the slanted surface; otherwise as if it faced the camera."""
     opacity: float = Field(0.7, gt=0, lt=1)
     silhouette_threshold: float = Field(0.6, gt=0, lt=1)
     """Gaussians are added where less than this of the pixel is covered."""

@@ -54,11 +54,11 @@ def new_gaussians(
     """Gaussians about `spacing_m` apart on the surface seen in the wanted pixels, sorted by place.
 
     They lie on a lattice of pixels whose pitch, in columns and in rows, is the power of two that comes
-    nearest to that spacing on the (slanted) surface: powers of two, so that lattices of different pitch
-    share their points.
+    nearest to that spacing on the surface (slanted as it is, with `follow_slant`): powers of two, so that
+    lattices of different pitch share their points.
     """
     rows, columns = np.nonzero(wanted)
-    across, down = surface_steps(image.depth_m, image.intrinsics, rows, columns)
+    across, down = _steps(image, rows, columns, follow_slant=config.follow_slant)
     u_pitch = _pitch(spacing_m[rows, columns] / across)
     v_pitch = _pitch(spacing_m[rows, columns] / down)
     chosen = (rows % v_pitch == 0) & (columns % u_pitch == 0)
@@ -88,6 +88,16 @@ def _contrast(image: TrainingImage) -> Float32[ndarray, "height width"]:
     wide = np.repeat(np.repeat(span, _CONTRAST_CELL, axis=0), _CONTRAST_CELL, axis=1)
     contrast: Float32[ndarray, "height width"] = wide[:height, :width]
     return contrast
+
+
+def _steps(
+    image: TrainingImage, rows: Int[ndarray, " n"], columns: Int[ndarray, " n"], *, follow_slant: bool
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """How far it is from each of the pixels to the next column, and to the next row [m]."""
+    if follow_slant:
+        return surface_steps(image.depth_m, image.intrinsics, rows, columns)
+    depth = image.depth_m[rows, columns].astype(np.float64)
+    return depth / image.intrinsics.fx, depth / image.intrinsics.fy
 
 
 def _pitch(pixels: Float[ndarray, " n"]) -> Int[ndarray, " n"]:

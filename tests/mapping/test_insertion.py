@@ -101,3 +101,17 @@ def test_only_wanted_pixels() -> None:
     parameters = new_gaussians(image, wanted, spacing, CONFIG)
     assert (in_camera(image, parameters)[:, 0] < 0.02).all()
     assert len(parameters) == pytest.approx(340 * 300 / 16, rel=0.05)
+
+
+def test_without_slant_every_pixel_counts_as_facing_the_camera() -> None:
+    """One Gaussian a pixel, z / f large: as SplaTAM places them, on a floor seen at a grazing angle, too."""
+    rows = np.arange(340)[:, None] + 0.5
+    floor = np.where(rows > 190, 300.0 / np.maximum(rows - 170, 1), 0.0) + np.zeros((1, 600))
+    config = InsertionConfig(
+        finest_px=2.0, finest_m=1e-6, widest_factor=1.0, radius_factor=1.0, follow_slant=False
+    )
+    image = picture(floor)
+    parameters = new_gaussians(image, image.measured, wanted_spacing(image, config), config)
+    assert len(parameters) == np.count_nonzero(image.measured)
+    z = in_camera(image, parameters)[:, 2]
+    np.testing.assert_allclose(np.exp(parameters[:, LOG_RADIUS]), z / CAMERA.fx, rtol=1e-4)
