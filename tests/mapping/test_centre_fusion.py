@@ -28,7 +28,9 @@ def gaussians_near_a_wall(rng: np.random.Generator, n: int) -> GaussianMap:
     return gaussians
 
 
-def fuse(gaussians: GaussianMap, depth: np.ndarray, pose: SE3) -> np.ndarray:
+def fuse(
+    gaussians: GaussianMap, depth: np.ndarray, pose: SE3, *, gate_m: float = GATE_M, slope: float = SLOPE
+) -> np.ndarray:
     size = gaussians.size
     return kernels.fuse_centres(
         gaussians.parameters[:size],
@@ -43,8 +45,8 @@ def fuse(gaussians: GaussianMap, depth: np.ndarray, pose: SE3) -> np.ndarray:
         CAMERA.cy,
         pose.rotation.astype(np.float32),
         pose.translation.astype(np.float32),
-        gate_m=GATE_M,
-        gate_slope=SLOPE,
+        gate_m=gate_m,
+        gate_slope=slope,
         max_count=MOST,
     )
 
@@ -101,3 +103,13 @@ def test_nothing_moves_without_a_measurement() -> None:
     for empty in (0.0, np.inf):
         assert len(fuse(gaussians, np.full((40, 60), empty), POSE)) == 0
     np.testing.assert_array_equal(gaussians.parameters[:500], before)
+
+
+def test_without_a_gate_no_centre_is_averaged() -> None:
+    rng = np.random.default_rng(3)
+    gaussians = gaussians_near_a_wall(rng, 500)
+    before = gaussians.parameters[:500].copy()
+    counts = gaussians.n_depth_observations[:500].copy()
+    fuse(gaussians, np.full((40, 60), 2.0), POSE, gate_m=0.0, slope=0.0)
+    np.testing.assert_array_equal(gaussians.parameters[:500], before)
+    np.testing.assert_array_equal(gaussians.n_depth_observations[:500], counts)
