@@ -160,7 +160,7 @@ def test_the_keyboard_is_enough(live, open_page):
     page = open_page(service.url)
     page.focus("#preset")
     page.keyboard.type("quick")
-    for _ in range(3):
+    for _ in range(4):
         page.keyboard.press("Tab")
     expect(page.locator("#launch")).to_be_focused()
     page.keyboard.press("Enter")
