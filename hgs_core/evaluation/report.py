@@ -6,109 +6,28 @@ Values that were not measured, or are not finite, are null.
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from hgs_core.errors import ConfigError
-from hgs_core.evaluation.result import EvaluationResult, ViewResult
+from hgs_core.evaluation.report_parts import (
+    Figure,
+    HeldOutImage,
+    PlanningCycle,
+    PlanningSeconds,
+    RefinementEntry,
+    ReportPart,
+    UnseenEntry,
+)
+from hgs_core.evaluation.result import EvaluationResult
 from hgs_core.evaluation.surface import THRESHOLDS_CM, SurfaceMetrics
 
 SCHEMA_VERSION: Final = 1
-
-
-def _finite_or_none(value: object) -> object:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-Figure = Annotated[float | None, BeforeValidator(_finite_or_none)]
-"""A measured number; None = not measured."""
-
-
-class _ReportPart(BaseModel):
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", use_attribute_docstrings=True, populate_by_name=True
-    )
-
-
-class PlanningSeconds(_ReportPart):
-    """Wall seconds of a planning cycle: T_P = T_VE + T_LP + T_GP (HGS-Planner section IV-B)."""
-
-    median: Figure = None
-    """Median of T_P over the mission's cycles."""
-    p95: Figure = None
-    """95th percentile of T_P."""
-    viewpoint_evaluation: Figure = None
-    """Median of T_VE: viewpoint sampling and evaluation."""
-    local: Figure = None
-    """Median of T_LP: the local tour and path."""
-    global_: Figure = Field(default=None, alias="global")
-    """Median of T_GP: the global tour."""
-
-
-class Region(_ReportPart):
-    """An axis-aligned box in the world [m]."""
-
-    lower_m: tuple[float, float, float]
-    upper_m: tuple[float, float, float]
-
-
-class UnseenEntry(_ReportPart):
-    """One region that the mission left unseen."""
-
-    region: Region
-    volume_m3: float
-    """Missing volume in it [m^3]."""
-    reason: str
-    """unreachable, below_threshold, occluded, out_of_bounds, time_limit or interrupted."""
-
-
-class HeldOutImage(_ReportPart):
-    """One held-out view, over surface that some training frame saw."""
-
-    position_m: tuple[float, float, float]
-    quaternion_wxyz: tuple[float, float, float, float]
-    """`T_world_camera`."""
-    observed_share: float
-    """Share of its pixels that the figures use."""
-    psnr_db: Figure = None
-    ssim: Figure = None
-    quality_correlation: Figure = None
-    """As the report's own keys of these names, for this view."""
-    quality_correlation_gain: Figure = None
-    quality_correlation_depth_only: Figure = None
-    sparsification_error: Figure = None
-    sparsification_error_gain: Figure = None
-    sparsification_error_depth_only: Figure = None
-    sparsification_error_constant: Figure = None
-
-
-class PlanningCycle(_ReportPart):
-    """Wall seconds of the three parts of one planning cycle."""
-
-    viewpoint_evaluation_s: float
-    local_s: float
-    global_s: float
-
-
-class RefinementEntry(_ReportPart):
-    """What `hgs refine` did to the map since its mission, and how good the mission had left it."""
-
-    seconds: float
-    """Wall seconds of all refinements so far."""
-    steps: int
-    psnr_db_before: Figure = None
-    """Of the map that the mission left, likewise below; null where it was not evaluated."""
-    ssim_before: Figure = None
-    median_depth_error_cm_before: Figure = None
-    accuracy_cm_before: Figure = None
-    completion_cm_observable_before: Figure = None
-    completion_ratio_observable_before: Figure = None
 
 
 _OF_THE_MAP: Final = (
@@ -118,7 +37,7 @@ _OF_THE_MAP: Final = (
 """How the names of the figures begin that hold for one map alone."""
 
 
-class MissionReport(_ReportPart):
+class MissionReport(ReportPart):
     """What one mission did and how good its map is."""
 
     schema_version: int = SCHEMA_VERSION
@@ -358,7 +277,7 @@ class MissionReport(_ReportPart):
             "evaluation_s": evaluation.wall_s,
         }
         figures.update(_mesh_figures(evaluation.surface_mesh))
-        held_out = [_held_out_image(view) for view in images.views]
+        held_out = [HeldOutImage.of(view) for view in images.views]
         figures.update({key: _mean([getattr(image, key) for image in held_out]) for key in _PREDICTION_KEYS})
         for index, cm in enumerate(THRESHOLDS_CM):
             figures[f"precision_{cm}cm"] = every.precision[index]
@@ -441,24 +360,6 @@ def _mesh_figures(mesh: SurfaceMetrics | None) -> dict[str, float | int | None]:
         "precision_5cm_mesh": mesh.precision[at_5cm],
         "f1_5cm_mesh": mesh.f1[at_5cm],
     }
-
-
-def _held_out_image(view: ViewResult) -> HeldOutImage:
-    pose, prediction = view.T_world_camera, view.prediction
-    return HeldOutImage(
-        position_m=tuple(pose.translation.tolist()),
-        quaternion_wxyz=tuple(pose.as_quaternion_wxyz().tolist()),
-        observed_share=view.observed_share,
-        psnr_db=view.psnr_db,
-        ssim=view.ssim,
-        quality_correlation=prediction.quality.correlation,
-        quality_correlation_gain=prediction.gain.correlation,
-        quality_correlation_depth_only=prediction.depth.correlation,
-        sparsification_error=prediction.quality.sparsification_error,
-        sparsification_error_gain=prediction.gain.sparsification_error,
-        sparsification_error_depth_only=prediction.depth.sparsification_error,
-        sparsification_error_constant=prediction.constant.sparsification_error,
-    )
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

@@ -14,7 +14,8 @@ import yaml
 
 from hgs_core.errors import HgsError
 from hgs_core.evaluation.mission import evaluate_mission
-from hgs_core.evaluation.report import MissionReport, PlanningCycle, Region, UnseenEntry
+from hgs_core.evaluation.report import MissionReport
+from hgs_core.evaluation.report_parts import PlanningCycle, Region, UnseenEntry
 from hgs_core.evaluation.result import EvaluationResult
 from hgs_core.evaluation.trajectory import Trajectory, write_trajectory
 from hgs_core.gaussians.ply import write_ply

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from hgs_core.evaluation.error_prediction import ErrorPredictors
 from hgs_core.evaluation.images import psnr_db
-from hgs_core.evaluation.report import HeldOutImage
+from hgs_core.evaluation.report_parts import HeldOutImage
 from hgs_core.evaluation.result import ErrorPrediction
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.render import render

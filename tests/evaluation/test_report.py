@@ -7,12 +7,8 @@ from pathlib import Path
 import pytest
 
 from hgs_core.errors import ConfigError
-from hgs_core.evaluation.report import (
-    MissionReport,
-    PlanningCycle,
-    Region,
-    UnseenEntry,
-)
+from hgs_core.evaluation.report import MissionReport
+from hgs_core.evaluation.report_parts import PlanningCycle, Region, UnseenEntry
 from hgs_core.evaluation.result import ErrorPrediction, EvaluationResult, ImageMetrics, ViewResult
 from hgs_core.evaluation.surface import SurfaceMetrics
 from hgs_core.evaluation.uncertainty import PredictionScore
