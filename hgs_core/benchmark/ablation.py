@@ -99,7 +99,7 @@ def run_ablation(
     if unknown:
         raise ConfigError(f"no ablation {unknown[0]!r}; there are: {', '.join(ABLATIONS)}")
     kernels.set_threads(config.threads)
-    taken = SE3(rotation=poses.rotation[::every], translation=poses.translation[::every])
+    taken = poses[::every]
     progress("the truth that all maps are compared with")
     truth = _truth(config, scene, taken, start_xy)
     rows = []
@@ -170,7 +170,7 @@ def _map(
     noise = np.random.default_rng(_NOISE_SEED)
     busy_s = 0.0
     for number in range(n_frames):
-        pose = _one(taken, number)
+        pose = taken[number]
         rgb, depth_m = scene.caster.render(camera.intrinsics(), pose, camera.range_m)
         frame = Frame(
             rgb=rgb,
@@ -198,7 +198,7 @@ def _measure(
     for index, mask in enumerate(truth.masks):
         if mask.mean() < _MIN_MASK_SHARE:
             continue
-        pose = _one(truth.poses, index)
+        pose = truth.poses[index]
         true_rgb, true_depth_m = scene.caster.render(intrinsics, pose)
         reference = true_rgb.astype(np.float32) / np.float32(255.0)
         view = render(gaussians, intrinsics, pose)
@@ -223,7 +223,3 @@ def _measure(
         n_gaussians=gaussians.size,
         mapping_s_per_frame=seconds,
     )
-
-
-def _one(poses: SE3, index: int) -> SE3:
-    return SE3(rotation=poses.rotation[index], translation=poses.translation[index])

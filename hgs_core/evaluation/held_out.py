@@ -76,7 +76,7 @@ def image_metrics(
     predictors = ErrorPredictors.of(gaussians, intrinsics, training_poses, range_m=range_m)
     masked, unmasked, depth_errors, views = [], [], [], []
     for index in range(n_views):
-        pose, mask = _pose(poses, index), masks[index]
+        pose, mask = poses[index], masks[index]
         true_rgb, true_depth = caster.render(intrinsics, pose)
         reference = true_rgb.astype(np.float32) / 255.0
         view = render(gaussians, intrinsics, pose)
@@ -133,7 +133,7 @@ def observed_masks(
     depth = np.empty((n_views, len(rays)), np.float32)
     points: Float32[ndarray, "n_views n_rays 3"] = np.zeros((n_views, len(rays), 3), np.float32)
     for index in range(n_views):
-        pose = _pose(poses, index)
+        pose = poses[index]
         directions = rays @ pose.rotation.T
         depth[index] = caster.cast(np.broadcast_to(pose.translation, directions.shape), directions)
         hit = np.isfinite(depth[index])
@@ -150,7 +150,3 @@ def observed_masks(
     rows = np.arange(intrinsics.height) * coarse.height // intrinsics.height
     columns = np.arange(intrinsics.width) * coarse.width // intrinsics.width
     return seen.reshape(n_views, coarse.height, coarse.width)[:, rows[:, None], columns]
-
-
-def _pose(poses: SE3, index: int) -> SE3:
-    return SE3(rotation=poses.rotation[index], translation=poses.translation[index])

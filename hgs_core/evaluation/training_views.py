@@ -42,7 +42,7 @@ def seen_in_training(
     centres = (cubes + 0.5) * _CUBE_M
     # Frames in random order: neighbours in time see much the same, far ones leave fewer points early.
     for index in np.random.default_rng(_ORDER_SEED).permutation(len(training_poses.translation)):
-        camera = SE3(rotation=training_poses.rotation[index], translation=training_poses.translation[index])
+        camera = training_poses[index]
         in_view = _cubes_in_view(camera.inverse().apply(centres), intrinsics, range_m)
         chosen = [cube for cube in np.flatnonzero(in_view) if len(waiting[cube])]
         if not chosen:

@@ -8,6 +8,7 @@ Source of the closed forms: Barfoot, "State Estimation for Robotics", section 7.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -91,6 +92,10 @@ class SE3:
         inverse_jacobian = np.eye(3) - 0.5 * hat + d * (hat @ hat)
         v = (inverse_jacobian @ self.translation[..., None])[..., 0]
         return np.concatenate([v, omega], axis=-1)
+
+    def __getitem__(self, index: int | np.integer[Any] | slice) -> SE3:
+        """One pose of a batch, or some of them, along its first axis."""
+        return SE3(rotation=self.rotation[index], translation=self.translation[index])
 
     def inverse(self) -> SE3:
         transposed = np.swapaxes(self.rotation, -1, -2)

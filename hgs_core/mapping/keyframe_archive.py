@@ -61,7 +61,7 @@ class KeyframeArchive:
         doubled = depth.repeat(2, axis=0).repeat(2, axis=1)
         depth_m[: doubled.shape[0], : doubled.shape[1]] = doubled
         return TrainingImage(
-            rgb=self._colour(index), depth_m=depth_m, intrinsics=camera, T_world_camera=self._pose(index)
+            rgb=self._colour(index), depth_m=depth_m, intrinsics=camera, T_world_camera=self.poses[index]
         )
 
     def load_halved(self, index: int) -> TrainingImage:
@@ -70,11 +70,8 @@ class KeyframeArchive:
             rgb=_halved(self._colour(index)),
             depth_m=self._halved_depth(index),
             intrinsics=halved_camera(self.intrinsics),
-            T_world_camera=self._pose(index),
+            T_world_camera=self.poses[index],
         )
-
-    def _pose(self, index: int) -> SE3:
-        return SE3(rotation=self.poses.rotation[index], translation=self.poses.translation[index])
 
     def _colour(self, index: int) -> UInt8[ndarray, "height width 3"]:
         path = self._folder / self._transforms.colour_paths[index]

@@ -180,7 +180,7 @@ class SlowPlanner:
         return {}
 
     def restore(self, state: dict[str, Any]) -> None:
-        raise NotImplementedError
+        raise AssertionError("no mission is resumed here")
 
 
 class Heard:

@@ -16,10 +16,10 @@ from hgs_core.gaussians.ply import read_ply
 from hgs_core.gaussians.render import render
 from hgs_core.mapping.keyframe_archive import KeyframeArchive
 from hgs_core.mission.config import MissionConfig, mission_config_from
-from hgs_core.mission.events import Command, MissionEvent, MissionView
 from hgs_core.mission.refine import RefinementProgress, refine_run
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.run import run_mission
+from tests.mission.stop_after import StopAfter
 
 SMALL_CAMERA = {
     "threads": "1",
@@ -28,24 +28,6 @@ SMALL_CAMERA = {
     "sensor.camera.focal_px": "120",
     "mapping.iterations_per_s": "2.5",
 }
-
-
-class StopAfter:
-    """Stops the mission at its n-th poll; hears and wants nothing."""
-
-    def __init__(self, polls: int) -> None:
-        self._left = polls
-
-    def poll(self) -> Command | None:
-        self._left -= 1
-        return Command.STOP if self._left == 0 else None
-
-    def on_event(self, event: MissionEvent) -> None: ...
-
-    def wants_view(self) -> bool:
-        return False
-
-    def on_view(self, view: MissionView) -> None: ...
 
 
 @pytest.fixture(scope="module")

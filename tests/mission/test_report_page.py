@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from app.cli.application import application
 from hgs_core.mapping.mesh_file import read_mesh
-from hgs_core.mission.events import Command, MissionEvent, MissionView
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.run import run_mission
 from hgs_core.mission.shown_views import _best_median_worst
+from tests.mission.stop_after import StopAfter
 
 VOID = {"meta", "img"}
 
@@ -38,24 +38,6 @@ class WellFormed(HTMLParser):
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
-
-
-class StopAfter:
-    """Stops the mission at its n-th poll; hears and wants nothing."""
-
-    def __init__(self, polls: int) -> None:
-        self._left = polls
-
-    def poll(self) -> Command | None:
-        self._left -= 1
-        return Command.STOP if self._left == 0 else None
-
-    def on_event(self, event: MissionEvent) -> None: ...
-
-    def wants_view(self) -> bool:
-        return False
-
-    def on_view(self, view: MissionView) -> None: ...
 
 
 @pytest.fixture(scope="module")
