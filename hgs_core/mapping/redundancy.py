@@ -17,7 +17,7 @@ from hgs_core.mapping.insertion import missing_pixels
 from hgs_core.mapping.keyframes import TrainingImage
 from hgs_core.native import kernels
 
-_COVERED = 0.9
+_COVERED = 0.8
 _FEWEST_PIXELS = 1000
 
 

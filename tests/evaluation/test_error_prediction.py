@@ -38,7 +38,7 @@ def test_errors_of_the_variance_that_the_frames_left_are_predicted_and_depth_is_
     truth = render(gaussians, CAMERA, pose).colour
     predictors = ErrorPredictors.of(gaussians, CAMERA, poses, range_m=5.0)
 
-    half = CameraIntrinsics(width=80, height=60, fx=40.0, fy=40.0, cx=40.0, cy=30.0, low_pass_px2=0.075)
+    half = CameraIntrinsics(width=80, height=60, fx=40.0, fy=40.0, cx=40.0, cy=30.0, low_pass_px2=1 / 48)
     information = train_information(gaussians, half, poses, far_m=6.0)
     deviation = 0.03 / np.sqrt(information[:, RGB] + PRIOR_INFORMATION)
     noise = np.random.default_rng(0).normal(size=deviation.shape)

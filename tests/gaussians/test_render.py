@@ -116,7 +116,7 @@ def test_reference_gradient_is_the_numeric_one() -> None:
 def test_one_gaussian_by_hand() -> None:
     """r = 0.1 m at 2 m and f = 100 px: sigma^2 = 25.3. At the pixel whose centre the Gaussian hits, alpha is
     its opacity 0.5; three pixels to the side it is 0.5 exp(-9 / 50.6)."""
-    camera = CameraIntrinsics(width=31, height=31, fx=100.0, fy=100.0, cx=15.5, cy=15.5)
+    camera = CameraIntrinsics(width=31, height=31, fx=100.0, fy=100.0, cx=15.5, cy=15.5, low_pass_px2=0.3)
     view = render(one(0.0, 0.0, 2.0, radius_m=0.1, logit=0.0), camera, SE3.identity())
     assert view.silhouette[15, 15] == pytest.approx(0.5, abs=1e-6)
     assert view.silhouette[15, 18] == pytest.approx(0.5 * np.exp(-9.0 / 50.6), abs=1e-6)
