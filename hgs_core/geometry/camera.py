@@ -27,8 +27,8 @@ class CameraIntrinsics:
     cx: float
     cy: float
     low_pass_px2: float = 1.0 / 12.0
-    """Variance [px^2] by which a drawn splat is wider than its Gaussian, since a pixel is not a point: that of
-    a square pixel. (3DGS takes 0.3, which blurs what is as fine as a pixel.)"""
+    """Variance [px^2] by which a drawn splat is wider than its Gaussian, since a pixel is not a point: that
+    of a square pixel. (3DGS takes 0.3, which blurs what is as fine as a pixel.)"""
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1 or not (self.fx > 0 and self.fy > 0):

@@ -78,6 +78,8 @@ class MappingConfig(StrictConfig):
     """A frame becomes a keyframe when it moved or turned by this much since the last one."""
     max_gaussians: int = Field(5_000_000, ge=1000)
     """Near this budget the lattice of new Gaussians gets coarser; at it none are added."""
+    max_gaussians_per_m2: float = Field(50_000.0, gt=0)
+    """Where a voxel holds as many as this a square metre, none are added (the finest lattice has 16,000)."""
     prune_interval: int = Field(20, ge=1)
     """Frames between prunings."""
     prune_opacity: float = Field(0.02, gt=0, lt=1)

@@ -19,6 +19,7 @@ from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.accrued_steps import AccruedSteps
 from hgs_core.mapping.config import MappingConfig
+from hgs_core.mapping.density import SurfaceDensity
 from hgs_core.mapping.depth_filter import training_image
 from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
@@ -74,6 +75,7 @@ class Mapper:
         self._scanner_range_m = scanner_range_m
         self._rng = rng
         self._replay = Replay(config, rng)
+        self._density = SurfaceDensity(max_per_m2=config.max_gaussians_per_m2)
         self._steps = AccruedSteps(config.iterations_per_s, at_most_s=config.iterations_accrue_s)
         self._newest: TrainingImage | None = None
         self._learn_newest = True
@@ -142,10 +144,9 @@ class Mapper:
         the rows behind them, which is work in proportion to the map.
         """
         kept = np.empty(self.gaussians.size, bool)
-        opacity = self.config.prune_opacity
         kernels.flag_worth_keeping(
             self.gaussians.parameters[: self.gaussians.size],
-            np.log(opacity / (1.0 - opacity)),
+            _logit(self.config.prune_opacity),
             self.voxels.states,
             tuple(self.voxels.origin_index.tolist()),
             self.voxels.config.size_m,
@@ -166,6 +167,7 @@ class Mapper:
             "gaussians": self.gaussians.state(),
             "voxels": self.voxels.state(),
             "keyframes": self.keyframes.state(),
+            "density": self._density.state(),
             "steps": self._steps.state(),
             "learnt_pose": None if self._learnt_pose is None else self._learnt_pose.as_matrix(),
             "rng": self._rng.bit_generator.state,
@@ -177,6 +179,7 @@ class Mapper:
         self.gaussians = GaussianMap.restore(state["gaussians"])
         self.voxels = VoxelMap.restore(state["voxels"])
         self.keyframes = KeyframeStore.restore(keyframe_folder, state["keyframes"])
+        self._density.restore(state["density"])
         self._steps.restore(state["steps"])
         learnt = state["learnt_pose"]
         self._learnt_pose = None if learnt is None else SE3.from_matrix(learnt)
@@ -200,6 +203,11 @@ class Mapper:
         self._n_frames += 1
         if self._n_frames % self.config.prune_interval == 0:
             self.prune(compact_share=_COMPACT_SHARE)
+            self._density.recount(
+                self.gaussians.parameters[: self.gaussians.size],
+                self.voxels,
+                min_logit_opacity=_logit(self.config.prune_opacity),
+            )
         return IntegrationReport(
             inserted=inserted, retired=retired, keyframe=is_keyframe, thinned=False, psnr_predicted_db=psnr
         )
@@ -245,8 +253,9 @@ class Mapper:
         wanted = missing_pixels(image, rendered, self.config.insertion)
         parameters = new_gaussians(image, wanted, np.float32(coarsening) * spacing_m, self.config.insertion)
         room = self.config.max_gaussians - self.gaussians.size
-        self.gaussians.append(parameters[:room], anchor_keyframe=anchor)
-        return min(len(parameters), room)
+        parameters = parameters[self._density.admit(parameters)][:room]
+        self.gaussians.append(parameters, anchor_keyframe=anchor)
+        return len(parameters)
 
     def _coarsening(self) -> int | None:
         """How much coarser than usual to insert as the budget runs out; None when it is spent."""
@@ -266,6 +275,10 @@ class Mapper:
             moved_m >= self.config.keyframe_translation_m - 1e-6
             or turned_deg >= self.config.keyframe_rotation_deg - 1e-6
         )
+
+
+def _logit(opacity: float) -> float:
+    return float(np.log(opacity / (1.0 - opacity)))
 
 
 def _at_least_once(time_left: Callable[[], bool]) -> Callable[[], bool]:

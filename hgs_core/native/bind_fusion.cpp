@@ -119,6 +119,22 @@ void bind_flag_worth_keeping(nb::module_& m) {
       nb::arg("kept").noconvert(), "Flag the Gaussians that are neither faint nor floating in free space.");
 }
 
+void bind_count_by_voxel(nb::module_& m) {
+  m.def(
+      "count_by_voxel",
+      [](ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu> parameters, float min_logit_opacity,
+         std::array<std::int64_t, 3> origin, double size_m,
+         ndarray<std::int32_t, nb::ndim<3>, nb::c_contig, nb::device::cpu> counts) {
+        const hgs::Grid grid{{static_cast<std::int64_t>(counts.shape(0)), static_cast<std::int64_t>(counts.shape(1)),
+                              static_cast<std::int64_t>(counts.shape(2))}};
+        nb::gil_scoped_release released;
+        hgs::count_by_voxel(parameters.data(), static_cast<std::int64_t>(parameters.shape(0)), min_logit_opacity, grid,
+                            {origin, size_m}, counts.data());
+      },
+      nb::arg("parameters"), nb::arg("min_logit_opacity"), nb::arg("origin"), nb::arg("size_m"),
+      nb::arg("counts").noconvert(), "Add each Gaussian that is not faint to the count of its voxel.");
+}
+
 }  // namespace
 
 void bind_fusion(nb::module_& m) {
@@ -128,4 +144,5 @@ void bind_fusion(nb::module_& m) {
   bind_bound_blocks(m);
   bind_compact_rows(m);
   bind_flag_worth_keeping(m);
+  bind_count_by_voxel(m);
 }

@@ -20,6 +20,15 @@ bool near_surface(const Grid& grid, const std::uint8_t* states, const Cell& c) {
   return false;
 }
 
+// The cell of a Gaussian's centre in the arrays; it may lie beyond them.
+Cell cell_of_row(const float* p, const VoxelPlace& place) {
+  Point cells;
+  for (std::size_t a = 0; a < 3; ++a) cells[a] = static_cast<double>(p[a]) / place.size_m;
+  Cell c = cell_of(cells);
+  for (std::size_t a = 0; a < 3; ++a) c[a] -= place.origin[a];
+  return c;
+}
+
 }  // namespace
 
 void bound_blocks(const float* parameters, std::int64_t n, std::int64_t block, float* bounds) {
@@ -69,11 +78,18 @@ void flag_worth_keeping(const float* parameters, std::int64_t n, float min_logit
     const float* p = parameters + 8 * row;
     kept[row] = p[7] >= min_logit_opacity;
     if (!kept[row]) continue;
-    Point cells;
-    for (std::size_t a = 0; a < 3; ++a) cells[a] = static_cast<double>(p[a]) / place.size_m;
-    Cell c = cell_of(cells);
-    for (std::size_t a = 0; a < 3; ++a) c[a] -= place.origin[a];
+    const Cell c = cell_of_row(p, place);
     if (grid.contains(c) && states[grid.offset(c)] == kFree) kept[row] = near_surface(grid, states, c);
+  }
+}
+
+void count_by_voxel(const float* parameters, std::int64_t n, float min_logit_opacity, const Grid& grid,
+                    const VoxelPlace& place, std::int32_t* counts) {
+  for (std::int64_t row = 0; row < n; ++row) {
+    const float* p = parameters + 8 * row;
+    if (p[7] < min_logit_opacity) continue;
+    const Cell c = cell_of_row(p, place);
+    if (grid.contains(c)) ++counts[grid.offset(c)];
   }
 }
 

@@ -24,4 +24,9 @@ struct VoxelPlace {
 void flag_worth_keeping(const float* parameters, std::int64_t n, float min_logit_opacity, const Grid& grid,
                         const std::uint8_t* states, const VoxelPlace& place, bool* kept);
 
+// Counts those of n Gaussians (n, 8) whose logit of the opacity is at least `min_logit_opacity` by voxel; those beyond
+// the grid are left out.
+void count_by_voxel(const float* parameters, std::int64_t n, float min_logit_opacity, const Grid& grid,
+                    const VoxelPlace& place, std::int32_t* counts);
+
 }  // namespace hgs
