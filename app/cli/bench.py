@@ -12,7 +12,6 @@ import typer
 from rich.table import Table
 
 from app.cli.console import ERRORS, OUTPUT
-from app.cli.evaluate import run_config
 from app.cli.interrupts import InterruptCommands
 from app.cli.progress import MissionProgress
 from app.cli.run import parse_settings
@@ -145,19 +144,16 @@ def ablation(
     """
     from hgs_core.benchmark.ablation import ABLATIONS, AS_IT_IS, run_ablation
     from hgs_core.evaluation.trajectory import read_trajectory
-    from hgs_core.mission.config import changed
-    from hgs_core.scene.scene import open_scene
+    from hgs_core.mission.finished_run import FinishedRun
 
-    content = run_config(folder / "config.yaml")
-    config = changed(content["mission"], parse_settings(settings or []), source=str(folder / "config.yaml"))
-    robot, start = config.robot, content["start"]
-    scene = open_scene(content["scene"], radius_m=robot.radius_m, height_m=robot.height_m)
+    run = FinishedRun.open(folder, parse_settings(settings or []))
+    scene = run.open_scene()
     with ERRORS.status("opening the run") as status:
         rows = run_ablation(
-            config,
+            run.config,
             scene,
             read_trajectory(folder / "trajectory.txt").poses,
-            start_xy=(float(start["x_m"]), float(start["y_m"])),
+            start_xy=run.start_xy,
             every=every,
             names=only or [name for name in ABLATIONS if name != AS_IT_IS],
             progress=status.update,

@@ -9,8 +9,6 @@ import typer
 
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.report_table import report_table
-from hgs_core.config.presets import load_yaml
-from hgs_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from hgs_core.evaluation.report import MissionReport
@@ -37,30 +35,27 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
 
     Raises an `HgsError` where there is no such run.
     """
-    if not folder.is_dir():
-        raise ConfigError(f"{folder} is not a folder: give one that `hgs run` left behind")
     from hgs_core.evaluation.mission import evaluate_mission
     from hgs_core.evaluation.report import MissionReport
     from hgs_core.evaluation.trajectory import read_trajectory
     from hgs_core.gaussians.ply import read_ply
     from hgs_core.mapping.mesh_file import read_mesh
-    from hgs_core.mission.config import mission_config_from
+    from hgs_core.mission.finished_run import FinishedRun
     from hgs_core.native import kernels
-    from hgs_core.scene.scene import open_scene
 
+    run = FinishedRun.open(folder)
+    config = run.config
     report = MissionReport.read(folder / "report.json")
-    content = run_config(folder / "config.yaml")
-    config = mission_config_from(content["mission"], source=str(folder / "config.yaml"))
     gaussians = read_ply(folder / "map.ply")
     mesh = read_mesh(folder / "mesh.ply") if (folder / "mesh.ply").is_file() else None
     trajectory = read_trajectory(folder / "trajectory.txt")
     kernels.set_threads(config.threads)
-    progress(f"opening {content['scene']}")
-    scene = open_scene(content["scene"], radius_m=config.robot.radius_m, height_m=config.robot.height_m)
+    progress(f"opening {run.scene}")
+    scene = run.open_scene()
     evaluation = evaluate_mission(
         scene=scene,
         caster=scene.caster,
-        start_xy=(float(content["start"]["x_m"]), float(content["start"]["y_m"])),
+        start_xy=run.start_xy,
         gaussians=gaussians,
         mesh=mesh,
         training_poses=trajectory.poses,
@@ -74,19 +69,3 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
     renewed = report.with_evaluation(evaluation)
     renewed.write(folder / "report.json")
     return renewed
-
-
-def run_config(path: Path) -> dict[str, Any]:
-    """The resolved configuration of a run. Raises `ConfigError` naming what is missing."""
-    if not path.is_file():
-        raise ConfigError(f"{path} is missing: not a folder that `hgs run` left behind")
-    content = load_yaml(path)
-    start = content.get("start")
-    if (
-        not isinstance(content.get("scene"), str)
-        or not isinstance(content.get("mission"), dict)
-        or not isinstance(start, dict)
-        or not all(isinstance(start.get(key), (int, float)) for key in ("x_m", "y_m"))
-    ):
-        raise ConfigError(f"{path} must hold scene, start (x_m, y_m) and mission, as `hgs run` writes it")
-    return content

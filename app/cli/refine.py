@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.cli.console import ERRORS, OUTPUT
-from app.cli.evaluate import evaluate_folder, run_config
+from app.cli.evaluate import evaluate_folder
 from app.cli.exit_codes import ExitCode
 from app.cli.interrupts import InterruptCommands
 from app.cli.report import write_report
@@ -36,11 +36,10 @@ def refine(
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from hgs_core.mission.config import mission_config_from
+    from hgs_core.mission.finished_run import FinishedRun
     from hgs_core.mission.refine import refine_run
 
-    content = run_config(folder / "config.yaml")
-    config = mission_config_from(content["mission"], source=str(folder / "config.yaml"))
+    config = FinishedRun.open(folder).config
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     stopped = False
     with Progress(*columns, console=ERRORS) as bar, InterruptCommands(say=bar.console.print) as commands:

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from app.cli.console import ERRORS, OUTPUT
-from app.cli.evaluate import run_config
 
 
 def report(
@@ -31,17 +30,14 @@ def report(
 def write_report(folder: Path, *, progress: Any) -> None:
     """Write the page of the run in `folder`. Raises an `HgsError` where there is no such run."""
     from hgs_core.evaluation.report import MissionReport
-    from hgs_core.mission.config import mission_config_from
+    from hgs_core.mission.finished_run import FinishedRun
     from hgs_core.mission.report_page import write_report_page
     from hgs_core.native import kernels
-    from hgs_core.scene.scene import open_scene
 
-    content = run_config(folder / "config.yaml")
-    config = mission_config_from(content["mission"], source=str(folder / "config.yaml"))
-    kernels.set_threads(config.threads)
+    run = FinishedRun.open(folder)
+    kernels.set_threads(run.config.threads)
     caster = None
     if MissionReport.read(folder / "report.json").held_out_images:
-        progress(f"opening {content['scene']}")
-        robot = config.robot
-        caster = open_scene(content["scene"], radius_m=robot.radius_m, height_m=robot.height_m).caster
-    write_report_page(folder, config, caster=caster, progress=progress)
+        progress(f"opening {run.scene}")
+        caster = run.open_scene().caster
+    write_report_page(folder, run.config, caster=caster, progress=progress)

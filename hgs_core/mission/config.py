@@ -86,10 +86,10 @@ def changed(content: dict[str, Any], overrides: dict[str, str], *, source: str) 
     copied = deepcopy(content)
     for key, text in overrides.items():
         _override(copied, key, text)
-    return mission_config_from(copied, source=source)
+    return _mission_config_from(copied, source=source)
 
 
-def mission_config_from(content: dict[str, Any], *, source: str) -> MissionConfig:
+def _mission_config_from(content: dict[str, Any], *, source: str) -> MissionConfig:
     try:
         return MissionConfig.model_validate(content)
     except ValidationError as error:

@@ -35,6 +35,7 @@ from hgs_core.mission.events import (
     PhaseChanged,
     StopReason,
 )
+from hgs_core.mission.finished_run import RUN_CONFIG
 from hgs_core.mission.folder import EventLog, RunFolder
 from hgs_core.mission.mission import MissionRecord
 from hgs_core.mission.report_page import write_report_page
@@ -243,7 +244,7 @@ def _write_results(
         "versions": software_versions(),
         "mission": config.model_dump(mode="json"),
     }
-    (folder / "config.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    (folder / RUN_CONFIG).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
 class NoCommands:

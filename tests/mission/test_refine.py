@@ -9,13 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.application import application
-from app.cli.evaluate import run_config
 from hgs_core.errors import ConfigError, MapError
 from hgs_core.evaluation.report import MissionReport
 from hgs_core.gaussians.ply import read_ply
 from hgs_core.gaussians.render import render
 from hgs_core.mapping.keyframe_archive import KeyframeArchive
-from hgs_core.mission.config import MissionConfig, mission_config_from
+from hgs_core.mission.config import MissionConfig
+from hgs_core.mission.finished_run import FinishedRun
 from hgs_core.mission.refine import RefinementProgress, refine_run
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.run import run_mission
@@ -48,7 +48,7 @@ def run_folder(finished: Path, tmp_path: Path) -> Path:
 
 
 def config_of(folder: Path) -> MissionConfig:
-    return mission_config_from(run_config(folder / "config.yaml")["mission"], source="test")
+    return FinishedRun.open(folder).config
 
 
 def refine(folder: Path, *, steps: int) -> list[RefinementProgress]:
