@@ -27,7 +27,7 @@ def test_a_room_is_the_same_at_every_call_and_covered_evenly() -> None:
 def test_the_camera_sees_the_room_filled() -> None:
     room = BenchmarkRoom.furnished(SIZE_M, 60_000)
     drawn = render(room.gaussians, *room.view(300, 170))
-    assert np.mean(drawn.silhouette > 0.8) > 0.95
+    assert np.mean(drawn.silhouette > 0.8) > 0.9
     assert 0.5 < np.median(drawn.depth_m) < 5.0
     assert drawn.colour.std() > 0.03
 
