@@ -23,7 +23,7 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.render import render
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.config import MappingConfig
-from hgs_core.mapping.mapper import Mapper
+from hgs_core.mission.build import build_mapper
 from hgs_core.mission.config import MissionConfig
 from hgs_core.native import kernels
 from hgs_core.scene.scene import Scene
@@ -158,11 +158,8 @@ def _map(
 ) -> tuple[GaussianMap, float]:
     """The map of all frames, and mean wall seconds of mapping for one."""
     camera, n_frames = config.sensor.camera, len(taken.translation)
-    mapper = Mapper(
-        mapping,
-        config.voxels,
-        camera_range_m=camera.range_m,
-        scanner_range_m=config.sensor.scanner.range_m,
+    mapper = build_mapper(
+        config.model_copy(update={"mapping": mapping}),
         region=None,
         keyframe_folder=folder / "keyframes",
         rng=np.random.default_rng(_MAPPER_SEED),

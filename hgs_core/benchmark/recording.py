@@ -27,8 +27,8 @@ from hgs_core.errors import ConfigError, MapError
 from hgs_core.evaluation.images import masked_mean, psnr_db, ssim_map
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.render import render
-from hgs_core.mapping.mapper import Mapper
-from hgs_core.mission.config import MissionConfig, resolve_mission_config
+from hgs_core.mission.build import build_mapper
+from hgs_core.mission.config import resolve_mission_config
 from hgs_core.sensing.frame import Frame
 from hgs_core.sensing.recording import RecordedSequence
 
@@ -36,6 +36,7 @@ BASELINE: Final = "splatam"
 """The mission preset whose mapping is compared with."""
 COVERED: Final = 0.5
 """Pixels of which the map draws at least this much count as covered."""
+_MAPPER_SEED: Final = 0
 _SPAWN: Final = multiprocessing.get_context("spawn")
 _PROCESS_STATUS: Final = Path("/proc/self/status")
 
@@ -146,7 +147,9 @@ def map_recording(folder: Path, preset: str, overrides: dict[str, str], hold_out
     sequence = RecordedSequence(folder)
     range_m = config.sensor.camera.range_m
     with tempfile.TemporaryDirectory(prefix="hgs-bench-") as keyframes:
-        mapper = _new_mapper(config, Path(keyframes))
+        mapper = build_mapper(
+            config, region=None, keyframe_folder=Path(keyframes), rng=np.random.default_rng(_MAPPER_SEED)
+        )
         frames, iterations, mapping_s, mapping_cpu_s = 0, 0, 0.0, 0.0
         for frame in played_frames(sequence, hold_out, config.sensor.camera.frame_interval_s):
             frame = _within_range(frame, range_m)
@@ -193,18 +196,6 @@ def _in_own_process(folder: Path, preset: str, overrides: dict[str, str], hold_o
                 f"the process that mapped {folder.name} with preset {preset!r} ended without an answer: "
                 "probably the memory ran out; lower mapping.max_gaussians"
             ) from error
-
-
-def _new_mapper(config: MissionConfig, keyframe_folder: Path) -> Mapper:
-    return Mapper(
-        config.mapping,
-        config.voxels,
-        camera_range_m=config.sensor.camera.range_m,
-        scanner_range_m=config.sensor.scanner.range_m,
-        region=None,
-        keyframe_folder=keyframe_folder,
-        rng=np.random.default_rng(0),
-    )
 
 
 def _within_range(frame: Frame, range_m: float) -> Frame:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hgs_core.gain.evaluator import PanoramaGainEvaluator
+from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.mapper import Mapper
 from hgs_core.mission.clock import clock_of
 from hgs_core.mission.config import MissionConfig
@@ -54,14 +55,8 @@ def build_mission(
         seeds=world_seeds,
     )
     region = scene.bounds.expanded(_REGION_MARGIN_M)
-    mapper = Mapper(
-        config.mapping,
-        config.voxels,
-        camera_range_m=config.sensor.camera.range_m,
-        scanner_range_m=config.sensor.scanner.range_m,
-        region=region,
-        keyframe_folder=keyframe_folder,
-        rng=np.random.default_rng(mapper_seed),
+    mapper = build_mapper(
+        config, region=region, keyframe_folder=keyframe_folder, rng=np.random.default_rng(mapper_seed)
     )
     planner = HierarchicalPlanner(
         config.planner,
@@ -84,3 +79,18 @@ def build_mission(
         commands=commands,
     )
     return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission)
+
+
+def build_mapper(
+    config: MissionConfig, *, region: Box | None, keyframe_folder: Path, rng: np.random.Generator
+) -> Mapper:
+    """A mapper that has seen nothing, with the settings and the sensors' ranges of a mission."""
+    return Mapper(
+        config.mapping,
+        config.voxels,
+        camera_range_m=config.sensor.camera.range_m,
+        scanner_range_m=config.sensor.scanner.range_m,
+        region=region,
+        keyframe_folder=keyframe_folder,
+        rng=rng,
+    )
