@@ -1,4 +1,7 @@
-"""Presets: YAML files under `configs/`, one folder a subject (mission, sensor, robot, planner, scene)."""
+"""Presets: YAML files under `configs/`, one folder a subject (mission, sensor, robot, planner, scene).
+
+A preset that says `extends: OTHER` is that other preset of its subject, with what it holds itself on top.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +32,25 @@ def preset_names(subject: str) -> list[str]:
 
 
 def load_preset(subject: str, name: str) -> dict[str, Any]:
-    """The mapping in `configs/SUBJECT/NAME.yaml`. Raises `ConfigError` naming what there is."""
+    """The mapping in `configs/SUBJECT/NAME.yaml`, on top of the preset that it extends.
+
+    Raises `ConfigError` naming what there is.
+    """
     names = preset_names(subject)
     if name not in names:
         raise ConfigError(f"no {subject} preset {name!r}; there are: {', '.join(names) or 'none'}")
-    return load_yaml(presets_root() / subject / f"{name}.yaml")
+    content = load_yaml(presets_root() / subject / f"{name}.yaml")
+    extended = content.pop("extends", None)
+    return content if extended is None else _on_top(load_preset(subject, extended), content)
+
+
+def _on_top(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Both mappings in one, section by section; what stands above counts."""
+    merged = dict(below)
+    for key, value in above.items():
+        known = merged.get(key)
+        merged[key] = _on_top(known, value) if isinstance(known, dict) and isinstance(value, dict) else value
+    return merged
 
 
 def load_yaml(path: Path) -> dict[str, Any]:

@@ -22,7 +22,7 @@ def adaptive_gains(
 
     Eq. 10 adds the gains as they are; here each is first divided by its scale, so that volume and area can
     be added. `lambda_o` is the observed share of the local region, or 1 when not adaptive. A gain that is
-    switched off is 0. Of equal yaws the first one is taken. Raises `PlanningError` for a share outside 0..1.
+    switched off is 0. Raises `PlanningError` for a share outside 0..1.
     """
     if not 0.0 <= observed_share <= 1.0:
         raise PlanningError(f"the observed share must lie in 0..1, got {observed_share}")
@@ -30,6 +30,16 @@ def adaptive_gains(
     quality = quality if config.use_quality else np.zeros_like(quality)
     weight = observed_share if config.adaptive else 1.0
     total = coverage / config.coverage_scale_m3 + weight * quality / config.quality_scale_m2
+    return at_best_yaws(yaws_rad, coverage, quality, total)
+
+
+def at_best_yaws(
+    yaws_rad: Float[ndarray, " n_yaws"],
+    coverage: Float[ndarray, "n n_yaws"],
+    quality: Float[ndarray, "n n_yaws"],
+    total: Float[ndarray, "n n_yaws"],
+) -> ViewGains:
+    """Gains around the circle, with those at the yaw where the total is largest (of equal ones the first)."""
     best = np.argmax(total, axis=1)
     rows = np.arange(len(total))
     return ViewGains(

@@ -95,18 +95,14 @@ class PanoramaGainEvaluator:
                     saturation_m=self.config.quality_saturation_m,
                     range_m=self._range_m,
                 )
-        elif not self._is_of(snapshot):
+        elif not snapshot.is_same(self._field_of):
             self._field.is_gathered[:] = False
             if self._fisher is not None:
                 self._fisher.forget()
         self._field_of = snapshot
         return self._field
 
-    def _is_of(self, snapshot: MapSnapshot) -> bool:
-        of = self._field_of
-        return (
-            of is not None
-            and of.version == snapshot.version
-            and of.gaussians is snapshot.gaussians
-            and of.voxels is snapshot.voxels
-        )
+
+def build(config: GainConfig, camera: CameraIntrinsics, range_m: float) -> PanoramaGainEvaluator:
+    """For the registry."""
+    return PanoramaGainEvaluator(config, camera, range_m)

@@ -24,6 +24,8 @@ class CoverageMeasure(StrEnum):
 class GainConfig(StrictConfig):
     """How viewpoints are scored (HGS-Planner Eq. 4-10)."""
 
+    method: str = "panorama"
+    """Which evaluator: a name that `gain_methods()` lists."""
     coverage_measure: CoverageMeasure = CoverageMeasure.VOLUME
     use_coverage: bool = True
     """False: quality alone (the paper's V3)."""
@@ -41,6 +43,14 @@ class GainConfig(StrictConfig):
     quality_saturation_m: float = Field(0.0, ge=0)
     """Nearer than this a view gains no more quality than from here: the map cannot hold finer detail. 0 = the
     paper's gain, which grows without bound towards a surface."""
+    surface_scale_m2: float = Field(1.0, gt=0)
+    """`surface` alone: newly covered surface that counts as 1."""
+    surface_distance_m: float = Field(4.0, gt=0)
+    """`surface` alone: a view covers no surface farther away than this."""
+    surface_incidence_deg: float = Field(75.0, gt=0, lt=90)
+    """`surface` alone: nor any that it sees at a greater angle off its normal."""
+    surface_patch_m: float = Field(0.3, gt=0)
+    """`surface` alone: surface is thinned to one patch of each direction in a cube of this edge."""
     azimuth_bins: int = Field(120, ge=24)
     elevation_bins: int = Field(32, ge=8)
     quality_elevation_bins: int = Field(12, ge=4)
@@ -57,7 +67,7 @@ class ViewGains:
 
     yaws_rad: Float[ndarray, " n_yaws"]
     coverage_by_yaw: Float[ndarray, "n n_yaws"]
-    """[m^3], or the paper's pixel sum."""
+    """[m^3], or the paper's pixel sum; [m^2] by the evaluator `surface`."""
     quality_by_yaw: Float[ndarray, "n n_yaws"]
     """[m^2] of surface seen once more as well as before."""
     total_by_yaw: Float[ndarray, "n n_yaws"]

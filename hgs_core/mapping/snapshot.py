@@ -19,3 +19,12 @@ class MapSnapshot:
     voxels: VoxelMap
     version: int
     timestamp_s: float
+
+    def is_same(self, other: MapSnapshot | None) -> bool:
+        """Whether both show the same maps in the same state."""
+        return (
+            other is not None
+            and other.version == self.version
+            and other.gaussians is self.gaussians
+            and other.voxels is self.voxels
+        )

@@ -1,10 +1,14 @@
-"""`PlannerConfig`: the hierarchical planner's settings, each level's beside that level."""
+"""Settings that every planner has, and those of the hierarchical one, each level's beside that level."""
 
 from __future__ import annotations
+
+from enum import StrEnum
+from typing import Literal
 
 from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
+from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.planning.global_planner import GlobalConfig
 from hgs_core.planning.local_planner import LocalConfig
 from hgs_core.planning.navigation_grid import NavigationConfig
@@ -14,18 +18,42 @@ from hgs_core.planning.views import ViewMemoryConfig
 
 
 class PlannerConfig(StrictConfig):
+    """What all planners share: how views are scored, where the robot can drive, what still counts as open.
+
+    Subclasses name their `method`, by which the registry finds them.
+    """
+
+    method: str
+    """Which planner: a name that `planner_methods()` lists."""
+    recheck_interval_s: float = Field(1.0, gt=0)
+    """While driving, the next view's gain is looked at again this often [s of mission time]."""
+    gain: GainConfig = GainConfig()
+    navigation: NavigationConfig = NavigationConfig()
+    subspaces: SubspaceConfig = SubspaceConfig()
+    memory: ViewMemoryConfig = ViewMemoryConfig()
+
+
+class VisitOrder(StrEnum):
+    """`tour`: the shortest way over the views nearby, then the rest (the paper); `gain_first`: all together,
+    and what gains much comes early (`least_latency_order`)."""
+
+    TOUR = "tour"
+    GAIN_FIRST = "gain_first"
+
+
+class HierarchicalConfig(PlannerConfig):
     """Settings of `HierarchicalPlanner` (HGS-Planner section III-D)."""
 
+    method: Literal["hierarchical"] = "hierarchical"
     gain_threshold: float = Field(0.5, gt=0)
     """g_thres of Algorithm 1, on the total gain (1 = the gain configuration's scales): less is not worth a
     stop."""
     abandon_share: float = Field(0.5, gt=0, le=1)
     """A view on the way is given up when its gain fell below this share of the threshold."""
-    recheck_interval_s: float = Field(1.0, gt=0)
-    """While driving, the next view's gain is looked at again this often [s of mission time]."""
-    navigation: NavigationConfig = NavigationConfig()
+    order: VisitOrder = VisitOrder.TOUR
+    """In which order views are visited."""
+    urgency: float = Field(0.5, gt=0, le=1)
+    """With `gain_first`: how much the mean time until gains come counts, and how little the whole way's."""
     roadmap: RoadmapConfig = RoadmapConfig()
-    subspaces: SubspaceConfig = SubspaceConfig()
     global_level: GlobalConfig = GlobalConfig()
     local_level: LocalConfig = LocalConfig()
-    memory: ViewMemoryConfig = ViewMemoryConfig()

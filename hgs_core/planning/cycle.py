@@ -48,6 +48,13 @@ class PlanningCycle:
             coverage_only=coverage_only,
         )
 
+    def score_here(self) -> list[View]:
+        """The view from the robot's own place, to be had by turning alone; none where it may not stand."""
+        cell = self.place_near(self.robot_xy_m, 4.0 * self.grid.size_m)
+        if cell is None:
+            return []
+        return self.scorer.score(self.snapshot, self.robot_xy_m[None], [cell], self.observed_share)
+
     def in_horizon(self, points_m: Float[ndarray, "n 2"]) -> Bool[ndarray, " n"]:
         inside: Bool[ndarray, " n"] = np.all(
             (points_m >= self.horizon.lower_m[:2]) & (points_m < self.horizon.upper_m[:2]), axis=1

@@ -106,8 +106,13 @@ class GlobalPlanner:
         """Score the subspace anew whose view is here: it has turned out to be worth less."""
         self._views = {key: known for key, known in self._views.items() if np.any(known.view.xy_m != place_m)}
 
-    def tour(self, cycle: PlanningCycle, rng: np.random.Generator, *, whole_map: bool) -> GlobalTour:
-        """Tour the reconstructing subspaces; with `whole_map`, those inside the horizon, too."""
+    def tour(
+        self, cycle: PlanningCycle, rng: np.random.Generator, *, whole_map: bool, ordered: bool
+    ) -> GlobalTour:
+        """Tour the reconstructing subspaces; with `whole_map`, those inside the horizon, too.
+
+        Unless `ordered`, the goals come in no order and without legs.
+        """
         tour = GlobalTour()
         columns = cycle.missing.xy_m
         everywhere = cycle.missing.gathered(np.ones(len(columns), bool))
@@ -136,7 +141,10 @@ class GlobalPlanner:
             if self.partition.records[key].state is not SubspaceState.RECONSTRUCTING
         ]:
             del self._views[key]
-        self._order(cycle, tour)
+        if tour.goals:
+            self._keep_nearest(cycle, tour)
+            if ordered:
+                self._order(cycle, tour)
         return tour
 
     def _reconsider(self, cycle: PlanningCycle, missing: dict[Key, MissingInCuboid]) -> None:
@@ -248,9 +256,6 @@ class GlobalPlanner:
     def _order(self, cycle: PlanningCycle, tour: GlobalTour) -> None:
         """Sort the goals into an open tour and find its legs: the roadmap's, or the grid's where the roadmap
         has no connection or a long way round."""
-        if not tour.goals:
-            return
-        self._keep_nearest(cycle, tour)
         places = np.stack([cycle.robot_xy_m, *(view.xy_m for view in tour.goals)])
         cells = np.array([goal.cell for goal in tour.goals])
         routes = self.roadmap.routes(cycle.grid, places)
@@ -304,11 +309,10 @@ class GlobalPlanner:
             }
             for key, known in self._views.items()
         ]
-        return {"roadmap": self.roadmap.state(), "partition": self.partition.state(), "views": views}
+        return {"roadmap": self.roadmap.state(), "views": views}
 
     def restore(self, state: dict[str, Any]) -> None:
         self.roadmap.restore(state["roadmap"])
-        self.partition.restore(state["partition"])
         self._views = {
             (int(entry["key"][0]), int(entry["key"][1])): SubspaceView(
                 view=View.restore(entry["view"]),

@@ -162,15 +162,22 @@ class LocalPlanner:
         if not selected:
             return []
         stops = [*selected, crossing] if crossing is not None else selected
-        costs = self._times_s(cycle, stops)
+        costs = self.committed_times_s(cycle, stops, next_m)
+        order = open_tour(costs, fixed_end=len(stops) if crossing is not None else None)
+        return [stops[k - 1] for k in order[1:] if k <= len(selected)]
+
+    def committed_times_s(
+        self, cycle: PlanningCycle, stops: list[View], next_m: Float[ndarray, " 2"] | None
+    ) -> Float[ndarray, "n n"]:
+        """`times_s`, but the place that was to come next is a little nearer to the robot."""
+        costs = self.times_s(cycle, stops)
         if next_m is not None:
             for k, view in enumerate(stops):
                 if np.hypot(*(view.xy_m - next_m)) <= cycle.grid.size_m:
                     costs[0, k + 1] = max(0.0, costs[0, k + 1] - self.config.commitment_s)
-        order = open_tour(costs, fixed_end=len(stops) if crossing is not None else None)
-        return [stops[k - 1] for k in order[1:] if k <= len(selected)]
+        return costs
 
-    def _times_s(self, cycle: PlanningCycle, stops: list[View]) -> Float[ndarray, "n n"]:
+    def times_s(self, cycle: PlanningCycle, stops: list[View]) -> Float[ndarray, "n n"]:
         """Seconds between every two of the robot's pose (row 0) and the stops."""
         robot = cycle.robot_xy_m
         at_robot = np.array([bool(np.all(view.xy_m == robot)) for view in stops])

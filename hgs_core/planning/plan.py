@@ -103,6 +103,11 @@ class Plan:
     times: PlanningTimes
 
 
+def on_floor(polyline_m: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:
+    """A polyline of the plane at height 0."""
+    return np.column_stack([polyline_m, np.zeros(len(polyline_m))])
+
+
 @dataclass(frozen=True, kw_only=True)
 class UnseenRegion:
     """A region that the mission leaves unseen."""

@@ -18,13 +18,13 @@ def test_the_papers_variants_differ_in_their_gains_alone() -> None:
     paper = resolve_mission_config("paper", {})
     coverage = resolve_mission_config("coverage", {})
     quality = resolve_mission_config("quality", {})
-    assert paper.gain.use_coverage
-    assert paper.gain.use_quality
-    assert paper.gain.adaptive
-    assert not coverage.gain.use_quality
-    assert not quality.gain.use_coverage
+    assert paper.planner.gain.use_coverage
+    assert paper.planner.gain.use_quality
+    assert paper.planner.gain.adaptive
+    assert not coverage.planner.gain.use_quality
+    assert not quality.planner.gain.use_coverage
     for variant in (coverage, quality):
-        assert variant.planner == paper.planner
+        assert variant.planner.model_copy(update={"gain": paper.planner.gain}) == paper.planner
         assert variant.mapping == paper.mapping
 
 

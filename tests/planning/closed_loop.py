@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hgs_core.planning.config import PlannerConfig
+from hgs_core.geometry.boxes import Box
+from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
-from hgs_core.planning.plan import NothingLeft, Plan
+from hgs_core.planning.plan import NothingLeft, Plan, Planner
+from hgs_core.planning.survey import PlannerContext
 from hgs_core.robot.robot import RobotConfig
 from tests.planning.closed_world import (
+    CAMERA,
     CAMERA_HEIGHT_M,
     RANGE_M,
     ClosedWorld,
@@ -35,15 +38,20 @@ class ClosedMission:
     answer: NothingLeft | None = None
 
 
-def new_planner(world: ClosedWorld, config: PlannerConfig | None = None) -> HierarchicalPlanner:
-    return HierarchicalPlanner(
-        config or PlannerConfig(gain_threshold=GAIN_THRESHOLD_M3),
-        RobotConfig(),
-        CountingGain(),
+def context_in(region: Box | None) -> PlannerContext:
+    """What a planner is told of the robot that drives here."""
+    return PlannerContext(
+        robot=RobotConfig(),
+        camera=CAMERA,
         camera_height_m=CAMERA_HEIGHT_M,
         camera_range_m=RANGE_M,
-        region=world.region,
+        region=region,
     )
+
+
+def new_planner(world: ClosedWorld, config: HierarchicalConfig | None = None) -> HierarchicalPlanner:
+    config = config or HierarchicalConfig(gain_threshold=GAIN_THRESHOLD_M3)
+    return HierarchicalPlanner(config, context_in(world.region), CountingGain())
 
 
 def run_mission(
@@ -51,12 +59,12 @@ def run_mission(
     *,
     seed: int,
     start: tuple[float, float, float],
-    config: PlannerConfig | None = None,
+    planner: Planner | None = None,
     max_plans: int = 150,
     on_plan: Callable[[PointRobot, Plan], None] | None = None,
 ) -> ClosedMission:
     robot = PointRobot(world, new_voxels(world), *start)
-    planner = new_planner(world, config)
+    planner = planner or new_planner(world)
     rng = np.random.default_rng(seed)
     mission = ClosedMission(robot)
     for yaw in start[2] + np.radians([0.0, 90.0, 180.0, 270.0]):
@@ -74,7 +82,7 @@ def run_mission(
     return mission
 
 
-def _drive(robot: PointRobot, planner: HierarchicalPlanner, plan: Plan, mission: ClosedMission) -> None:
+def _drive(robot: PointRobot, planner: Planner, plan: Plan, mission: ClosedMission) -> None:
     """Until the next view is taken, the path ends, or the planner wants to plan again."""
     for passed, ((x_m, y_m), yaw) in enumerate(zip(plan.path.positions_m, plan.path.yaws_rad, strict=True)):
         for arrived in robot.moves_to(x_m, y_m, yaw):

@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 from hgs_core.errors import PlanningError
-from hgs_core.planning.config import PlannerConfig
+from hgs_core.planning.config import HierarchicalConfig, VisitOrder
 from hgs_core.planning.global_planner import GlobalConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.plan import CandidateStatus, NothingLeft, Plan, Planner, UnseenReason
-from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
-from tests.planning.closed_loop import GAIN_THRESHOLD_M3, ClosedMission, new_planner, run_mission
+from tests.planning.closed_loop import (
+    GAIN_THRESHOLD_M3,
+    ClosedMission,
+    context_in,
+    new_planner,
+    run_mission,
+)
 from tests.planning.closed_world import ClosedWorld, CountingGain, PointRobot, new_voxels, three_rooms
 from tests.planning.floors import empty_map, room
 
@@ -59,8 +64,8 @@ def test_the_robot_touches_nothing(world: ClosedWorld, mission: ClosedMission) -
 
 
 def test_a_tour_that_knows_one_goal_at_a_time_still_leads_everywhere(world: ClosedWorld) -> None:
-    config = PlannerConfig(gain_threshold=GAIN_THRESHOLD_M3, global_level=GlobalConfig(max_goals=1))
-    mission = run_mission(world, seed=0, start=START, config=config)
+    config = HierarchicalConfig(gain_threshold=GAIN_THRESHOLD_M3, global_level=GlobalConfig(max_goals=1))
+    mission = run_mission(world, seed=0, start=START, planner=new_planner(world, config))
     assert mission.answer is not None
     assert np.count_nonzero(mission.robot.voxels.missing()) * 1e-3 < 0.6
 
@@ -106,9 +111,7 @@ def test_a_restored_planner_goes_on_alike(world: ClosedWorld) -> None:
 
 
 def planner_on(voxels: VoxelMap, x_m: float, y_m: float) -> tuple[HierarchicalPlanner, PointRobot]:
-    planner = HierarchicalPlanner(
-        PlannerConfig(), RobotConfig(), CountingGain(), camera_height_m=1.0, camera_range_m=4.0, region=None
-    )
+    planner = HierarchicalPlanner(HierarchicalConfig(), context_in(None), CountingGain())
     return planner, PointRobot(ClosedWorld(np.zeros((1, 1, 1), bool)), voxels, x_m, y_m, 0.0)
 
 
@@ -192,3 +195,11 @@ def test_a_gain_that_never_drops_does_not_hold_the_robot_for_ever() -> None:
         robot.x_m, robot.y_m = (float(v) for v in plan.path.positions_m[view])
         robot.yaw_rad = float(plan.path.yaws_rad[view])
     assert isinstance(plan, NothingLeft)
+
+
+def test_what_gains_most_first_still_sees_everything(world: ClosedWorld) -> None:
+    config = HierarchicalConfig(gain_threshold=GAIN_THRESHOLD_M3, order=VisitOrder.GAIN_FIRST)
+    mission = run_mission(world, seed=0, start=START, planner=new_planner(world, config))
+    assert mission.answer is not None
+    assert np.count_nonzero(mission.robot.voxels.missing()) * 1e-3 < 0.6
+    assert all(np.isfinite(plan.path.yaws_rad).any() for plan in mission.plans)
