@@ -1,0 +1,138 @@
+"""What the planners without a global level share: survey, let a policy choose views, drive to them.
+
+A policy is one published way of choosing the next views. Everything else is the same for all of them: the
+navigation grid, the paths over it, the camera's yaws, the memory that believes less in gains that did not
+drop (without it none of them would be sure to end), and the answer for what stays unseen.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from pydantic import Field
+
+from hgs_core.gain.viewpoint import GainEvaluator
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.config import PlannerConfig
+from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.executable_path import join_views
+from hgs_core.planning.plan import (
+    Candidate,
+    CandidateStatus,
+    NothingLeft,
+    Plan,
+    PlanningTimes,
+    UnseenRegion,
+    on_floor,
+)
+from hgs_core.planning.survey import PlannerContext, Survey
+from hgs_core.planning.views import View
+from hgs_core.robot.robot import RobotState
+
+
+class BaselineConfig(PlannerConfig):
+    """What every baseline has beside `PlannerConfig`."""
+
+    horizon_m: float = Field(6.0, gt=0)
+    """Edge of the square about the robot that counts as its surroundings [m]."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Choice:
+    """What a policy wants."""
+
+    stops: list[View]
+    """Where to look next, in order; none: nothing is left. Driving stops at each, and each brings a new
+    choice."""
+    rejected: list[View] = field(default_factory=list)
+    """What was considered as well."""
+    reason: str
+    """Why these, or why none: one clause for an operator."""
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """One way of choosing views."""
+
+    def choose(self, cycle: PlanningCycle, rng: np.random.Generator) -> Choice: ...
+
+    def state(self) -> dict[str, Any]:
+        """What the next choice depends on besides the cycle, as plain data."""
+        ...
+
+    def restore(self, state: dict[str, Any]) -> None: ...
+
+
+class NextBestViewPlanner:
+    """A `Planner` around a policy. Raises `PlanningError` when asked to plan on an empty voxel map."""
+
+    def __init__(
+        self, config: BaselineConfig, context: PlannerContext, evaluator: GainEvaluator, policy: Policy
+    ) -> None:
+        self.config = config
+        self._survey = Survey(config, context, evaluator, horizon_m=config.horizon_m)
+        self._policy = policy
+
+    def plan(self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator) -> Plan | NothingLeft:
+        """One planning cycle."""
+        began = time.perf_counter()
+        scorer, pursuit = self._survey.scorer, self._survey.pursuit
+        scorer.elapsed_s = 0.0
+        cycle = self._survey.cycle(snapshot, robot)
+        self._survey.remember_views_taken(cycle)
+        choice = self._policy.choose(cycle, rng)
+        path = join_views(cycle, choice.stops)
+        local_s = time.perf_counter() - began - scorer.elapsed_s
+        times = PlanningTimes(viewpoint_evaluation_s=scorer.elapsed_s, local_s=local_s, global_s=0.0)
+        if not choice.stops:
+            pursuit.drop()
+            unseen = self._survey.unseen(cycle)
+            return NothingLeft(
+                unseen=unseen,
+                candidates=self._candidates(choice),
+                subspaces=self._survey.partition.listing(),
+                times=times,
+                reason=self._survey.why_nothing(cycle, unseen, choice.reason),
+            )
+        yaws = path.yaws_rad[np.isfinite(path.yaws_rad)]
+        gains = [view.undiscounted_gain_at(float(yaw)) for view, yaw in zip(choice.stops, yaws, strict=True)]
+        pursuit.follow(path, np.array(gains), cycle.grid, robot.timestamp_s)
+        return Plan(
+            path=path,
+            candidates=self._candidates(choice),
+            subspaces=self._survey.partition.listing(),
+            global_tour_m=np.zeros((0, 3)),
+            local_path_m=on_floor(path.positions_m),
+            horizon=cycle.horizon,
+            observed_share=cycle.observed_share,
+            reason=f"{choice.reason}; {path.length_m:.1f} m planned",
+            times=times,
+        )
+
+    def should_replan(
+        self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int
+    ) -> str | None:
+        """Only when the remaining path lost its clearance on the newest map."""
+        return self._survey.pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
+
+    def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
+        """See `Planner`."""
+        if not snapshot.voxels.states.size:
+            return ()
+        return self._survey.unseen(self._survey.cycle(snapshot, robot))
+
+    def state(self) -> dict[str, Any]:
+        return {"survey": self._survey.state(), "policy": self._policy.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self._survey.restore(state["survey"])
+        self._policy.restore(state["policy"])
+
+    def _candidates(self, choice: Choice) -> tuple[Candidate, ...]:
+        z_m = self._survey.context.camera_height_m
+        chosen = [view.as_candidate(CandidateStatus.SELECTED, z_m) for view in choice.stops]
+        others = [view.as_candidate(CandidateStatus.BELOW_THRESHOLD, z_m) for view in choice.rejected]
+        return (*chosen, *others)
