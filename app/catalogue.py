@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from app.errors import Invalid
 from app.missions.service import MissionOrder
@@ -13,30 +13,26 @@ from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError, SceneError
 from hgs_core.mission.config import resolve_mission_config
 from hgs_core.scene.built_in import BUILT_IN_SCENES, built_in_scene
-
-MESH_SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply")
+from hgs_core.scene.registry import find_source, scene_names
 
 
 class Catalogue:
-    """Built-in scenes, and the meshes directly in `scenes_dir`."""
+    """Scenes that go by a name, and the meshes and scans directly in `scenes_dir`."""
 
     def __init__(self, scenes_dir: Path | None) -> None:
         self._scenes_dir = scenes_dir
 
     def scenes(self) -> list[SceneEntry]:
-        built_in = [
-            SceneEntry(
-                name=name,
-                kind="built-in",
-                description=f"{what[0].upper()}{what[1:]}; {name}:SEED is another layout",
-            )
-            for name, what in BUILT_IN_SCENES.items()
-        ]
+        named = [_named(name, what) for name, what in scene_names().items()]
         files = [
-            SceneEntry(name=path.name, kind="file", description=_description(path))
+            SceneEntry(
+                name=path.name,
+                kind="folder" if path.is_dir() else "file",
+                description=_description(path),
+            )
             for path in self._files().values()
         ]
-        return [*built_in, *files]
+        return [*named, *files]
 
     def presets(self) -> list[PresetEntry]:
         entries = []
@@ -77,22 +73,34 @@ class Catalogue:
                 return scene
         except SceneError:
             return None
+        if scene.partition(":")[0] in scene_names():
+            return scene
         path = self._files().get(scene)
         return str(path) if path is not None else None
 
     def _files(self) -> dict[str, Path]:
-        """Meshes by name; only what lies in the folder itself, so that no name leads elsewhere."""
+        """Meshes and scans by name; only what lies in the folder itself, so that no name leads elsewhere."""
         if self._scenes_dir is None:
             return {}
         return {
             path.name: path
             for path in sorted(self._scenes_dir.iterdir())
-            if path.suffix.lower() in MESH_SUFFIXES and path.is_file()
+            if find_source(str(path)) is not None
         }
 
 
+def _named(name: str, what: str) -> SceneEntry:
+    if name in BUILT_IN_SCENES:
+        description = f"{what[0].upper()}{what[1:]}; {name}:SEED is another layout"
+        return SceneEntry(name=name, kind="built-in", description=description)
+    return SceneEntry(name=name, kind="named", description=what)
+
+
 def _description(path: Path) -> str:
-    """From the JSON beside the mesh where there is one; else its size."""
+    """From the JSON beside the mesh where there is one; else its size, or which kind of scan it is."""
+    if path.is_dir():
+        source = find_source(str(path))
+        return source.opens if source is not None else ""
     facts = path.with_suffix(".json")
     size = f"{path.stat().st_size / 1e6:.1f} MB"
     if facts.is_file():

@@ -124,7 +124,7 @@ class MetricsPage(ApiModel):
 class SceneEntry(ApiModel):
     name: str
     kind: str
-    """`built-in` or `file`."""
+    """`built-in`, `named` (of another package), `file` or `folder`."""
     description: str
 
 

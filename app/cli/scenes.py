@@ -10,37 +10,57 @@ from rich.table import Table
 
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.exit_codes import ExitCode
+from app.cli.run import parse_settings
 from hgs_core.errors import HgsError
 from hgs_core.scene.built_in import BUILT_IN_SCENES
+from hgs_core.scene.registry import scene_names, scene_sources
 
 if TYPE_CHECKING:
+    from hgs_core.scene.options import SceneOptions
     from hgs_core.scene.scene import Scene
 
 
 def scenes(
     sources: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENE]...", help="Names or mesh files to look at; none lists the built-in."),
+        typer.Argument(
+            metavar="[SCENE]...",
+            help="Names, mesh files or folders of scans to look at; none lists what there is.",
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="How they are placed, as `hgs run --set scene.KEY=VALUE` does it.",
+        ),
     ] = None,
 ) -> None:
-    """List the built-in scenes, or show what a mission would find in the given ones.
+    """List the scenes that there are, or show what a mission would find in the given ones.
 
     Exit codes: 0 every scene can serve, 2 one cannot (the reason is printed, the others are shown).
     """
     if not sources:
         table = Table("scene", "what it is")
-        for name, what in BUILT_IN_SCENES.items():
-            table.add_row(name, f"built in, made from a seed: {what}")
-            table.add_row(f"{name}:SEED", f"another layout, e.g. {name}:7")
-        table.add_row("FILE", "any textured mesh: .glb, .gltf, .obj, .ply")
+        for name, what in scene_names().items():
+            if name in BUILT_IN_SCENES:
+                table.add_row(name, f"built in, made from a seed: {what}")
+                table.add_row(f"{name}:SEED", f"another layout, e.g. {name}:7")
+            else:
+                table.add_row(name, what)
+        for kind in scene_sources().values():
+            if not kind.names:
+                table.add_row("FILE" if kind.general else "FOLDER", kind.opens)
         OUTPUT.print(table)
         return
+    options = _options(settings or [])
     from hgs_core.scene.scene import open_scene
 
     refused = 0
     for source in sources:
         try:
-            scene = open_scene(source)
+            scene = open_scene(source, options)
         except HgsError as error:
             ERRORS.print(f"{source}: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
             refused += 1
@@ -48,6 +68,16 @@ def scenes(
             OUTPUT.print(scene_table(source, scene))
     if refused:
         raise typer.Exit(ExitCode.USAGE)
+
+
+def _options(settings: list[str]) -> SceneOptions:
+    """`KEY=VALUE` or `scene.KEY=VALUE`, as a mission takes them."""
+    from hgs_core.mission.config import changed
+
+    overrides = {
+        f"scene.{key.removeprefix('scene.')}": text for key, text in parse_settings(settings).items()
+    }
+    return changed({"description": "no mission"}, overrides, source="--set").scene
 
 
 def scene_table(source: str, scene: Scene) -> Table:

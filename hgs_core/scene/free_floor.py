@@ -101,29 +101,50 @@ def choose_start(caster: RayCaster, radius_m: float, height_m: float) -> StartPo
 
     Area under a ceiling counts before open ground. Raises `SceneError` when less than 1 m2 is free.
     """
-    obstacles = BodyObstacles(caster.mesh, height_m)
-    floor = FreeFloor.of(caster, obstacles)
-    free = floor.clearance_m > radius_m + _START_MARGIN_M
-    cells = floor.cells_m
-    regions, n_regions = ndimage.label(free)
-    covered = free.copy()
-    origins = np.concatenate([cells[free], np.full((int(free.sum()), 1), height_m)], axis=-1)
-    up = caster.cast(origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape))
-    covered[free] = up < _CEILING_WITHIN_M
-    indoors = covered if covered.any() else free
-    areas = ndimage.sum_labels(indoors, regions, np.arange(1, n_regions + 1)) * floor.cell_m**2
-    if n_regions == 0 or areas.max() < _MIN_FREE_AREA_M2:
-        raise SceneError(
-            _no_free_floor(caster.mesh.bounds(), floor, areas.max(initial=0.0), radius_m, height_m)
-        )
-    inside = (regions == 1 + int(np.argmax(areas))) & indoors
-    x, y = cells[np.unravel_index(np.argmax(np.where(inside, floor.clearance_m, -1.0)), free.shape)]
+    space = _FreeSpace.of(caster, radius_m, height_m)
+    floor, area_m2 = space.floor, space.area_m2
+    if area_m2 < _MIN_FREE_AREA_M2:
+        raise SceneError(_no_free_floor(caster.mesh.bounds(), floor, area_m2, radius_m, height_m))
+    at = np.unravel_index(np.argmax(np.where(space.largest, floor.clearance_m, -1.0)), space.largest.shape)
+    x, y = floor.cells_m[at]
     directions = np.concatenate([_directions(36), np.zeros((36, 1))], axis=-1)
     reach = caster.cast(np.broadcast_to([x, y, height_m], directions.shape), directions)
     best = int(np.argmax(np.minimum(reach, 100.0)))
     return StartPose(
         x_m=float(x), y_m=float(y), yaw_rad=float(np.arctan2(directions[best, 1], directions[best, 0]))
     )
+
+
+def free_area_m2(caster: RayCaster, radius_m: float, height_m: float) -> float:
+    """The largest area of floor at z = 0 that a robot can drive on without a break [m2]."""
+    return _FreeSpace.of(caster, radius_m, height_m).area_m2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _FreeSpace:
+    floor: FreeFloor
+    largest: Bool[ndarray, "nx ny"]
+    """The largest connected region where the robot fits; of that, only what is under a ceiling if anything of
+    the scene is."""
+
+    @staticmethod
+    def of(caster: RayCaster, radius_m: float, height_m: float) -> _FreeSpace:
+        floor = FreeFloor.of(caster, BodyObstacles(caster.mesh, height_m))
+        free = floor.clearance_m > radius_m + _START_MARGIN_M
+        regions, n_regions = ndimage.label(free)
+        covered = free.copy()
+        origins = np.concatenate([floor.cells_m[free], np.full((int(free.sum()), 1), height_m)], axis=-1)
+        up = caster.cast(origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape))
+        covered[free] = up < _CEILING_WITHIN_M
+        indoors = covered if covered.any() else free
+        if n_regions == 0:
+            return _FreeSpace(floor=floor, largest=free)
+        areas = ndimage.sum_labels(indoors, regions, np.arange(1, n_regions + 1))
+        return _FreeSpace(floor=floor, largest=(regions == 1 + int(np.argmax(areas))) & indoors)
+
+    @property
+    def area_m2(self) -> float:
+        return int(np.count_nonzero(self.largest)) * self.floor.cell_m**2
 
 
 def _directions(count: int) -> Float[ndarray, "count 2"]:
@@ -138,5 +159,5 @@ def _no_free_floor(bounds: Box, floor: FreeFloor, area_m2: float, radius_m: floa
         f"{' x '.join(f'{size:.2f}' for size in bounds.size_m)} m with z from {bounds.lower_m[2]:.2f} to "
         f"{bounds.upper_m[2]:.2f} m, {has_floor * floor.cell_m**2:.1f} m2 of floor near z = 0, and "
         f"the largest area free of obstacles has {area_m2:.1f} m2 ({_MIN_FREE_AREA_M2:g} m2 needed). "
-        "Check scale, up_axis and floor_z_m, or use a smaller robot."
+        "Check scene.scale, scene.up_axis and scene.floor_z_m, or use a smaller robot."
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import struct
 from pathlib import Path
 from typing import Any
@@ -15,12 +14,20 @@ from numpy import ndarray
 from PIL import Image
 
 from hgs_core.errors import SceneError
+from hgs_core.scene.mesh_suffixes import MESH_SUFFIXES
+from hgs_core.scene.ply_polygons import read_polygons
 from hgs_core.scene.textured_mesh import Material, TexturedMesh, concatenated
 
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 GREY = (0.6, 0.6, 0.6)
 
-_log = logging.getLogger(__name__)
+_UNREAD_EXTENSIONS = {
+    "GOOGLE_texture_basis": "textures in the Basis format",
+    "KHR_texture_basisu": "textures in the KTX2 (Basis) format",
+    "KHR_draco_mesh_compression": "triangles compressed with Draco",
+    "EXT_meshopt_compression": "triangles compressed with meshopt",
+}
+"""What trimesh drops or trips over, and what it holds."""
+_UNREAD_IMAGES = {"image/x-basis": "GOOGLE_texture_basis", "image/ktx2": "KHR_texture_basisu"}
 
 
 def read_mesh_file(path: Path) -> tuple[TexturedMesh, list[str]]:
@@ -33,11 +40,12 @@ def read_mesh_file(path: Path) -> tuple[TexturedMesh, list[str]]:
         raise SceneError(f"{path} is not a mesh file: expected one of {', '.join(MESH_SUFFIXES)}")
     if not path.is_file():
         raise SceneError(f"no scene file {path}: give the path of a mesh, or the name of a built-in scene")
+    notices = _what_is_not_read(path)
+    polygons = read_polygons(path) if path.suffix.lower() == ".ply" else None
     try:
-        scene = trimesh.load_scene(path, process=False, maintain_order=True)
+        scene = trimesh.load_scene(path, process=False) if polygons is None else trimesh.Scene(polygons)
     except Exception as error:  # trimesh raises whatever its parsers hit
         raise SceneError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from error
-    notices = _what_is_not_read(path)
     parts = []
     for node in sorted(scene.graph.nodes_geometry):
         transform, name = scene.graph[node]
@@ -124,7 +132,10 @@ def _finite(uv: Float32[ndarray, "n 2"]) -> Float32[ndarray, "n 2"]:
 
 
 def _what_is_not_read(path: Path) -> list[str]:
-    """Notices about references that the loader drops without a word."""
+    """Notices about references that the loader drops without a word.
+
+    Raises `SceneError` for a glTF whose textures or triangles would be dropped whole.
+    """
     suffix = path.suffix.lower()
     if suffix == ".obj":
         return _missing_obj_textures(path)
@@ -135,9 +146,9 @@ def _what_is_not_read(path: Path) -> list[str]:
 
 def _missing_obj_textures(path: Path) -> list[str]:
     notices = []
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        if not line.startswith("mtllib "):
-            continue
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        libraries = [line for line in lines if line.startswith("mtllib ")]
+    for line in libraries:
         library = path.parent / line.split(maxsplit=1)[1].strip()
         if not library.is_file():
             notices.append(f"material library {library.name} is missing: its surfaces are drawn grey")
@@ -150,8 +161,20 @@ def _missing_obj_textures(path: Path) -> list[str]:
 
 
 def _gltf_notices(path: Path) -> list[str]:
-    document = _gltf_document(path)
+    try:
+        document = _gltf_document(path)
+    except (ValueError, struct.error) as error:
+        raise SceneError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from error
     notices = []
+    images = [image.get("mimeType") for image in document.get("images", [])]
+    named = [*document.get("extensionsUsed", []), *(_UNREAD_IMAGES.get(kind, "") for kind in images)]
+    unread = [what for extension, what in _UNREAD_EXTENSIONS.items() if extension in named]
+    if unread:
+        raise SceneError(
+            f"{path} cannot be read: it holds {' and '.join(unread)}, for which there is no reader here. Use "
+            "the uncompressed download (Matterport3D: the .obj in matterport_mesh; HM3D: ID.glb of "
+            "hm3d-*-glb), or export it again with PNG or JPEG textures and plain triangles"
+        )
     if "KHR_texture_transform" in document.get("extensionsUsed", []):
         notices.append(
             "texture transforms (KHR_texture_transform) are not applied: textures may be misplaced"

@@ -1,4 +1,4 @@
-"""Broken triangles, scale, up axis and floor of a mesh from a file: found, repaired and stated."""
+"""Broken triangles, up axis and scale of a mesh from a file: found, repaired and stated."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from hgs_core.errors import SceneError
-from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.textured_mesh import TexturedMesh
 
 # Rows give the world's x, y and z from the file's axes; all are rotations.
@@ -22,66 +21,36 @@ _WORLD_FROM_FILE: dict[str, list[list[float]]] = {
 _OUTLIER_FACTOR = 50.0
 _WORLD_SIZE_M = (2.0, 200.0)
 _ROOM_HEIGHT_M = (2.0, 6.0)
-_STANDING_HEIGHT_M = 1.8
-_MIN_COVERED_SHARE = 0.01
-_LEVEL_BIN_M = 0.02
+_DOUBTFUL = 1.5
+"""So many times the area facing another axis than the one said to point up makes that one doubtful."""
 
 
-def placed(
-    mesh: TexturedMesh, *, scale: float | None, up_axis: str | None, is_gltf: bool
-) -> tuple[TexturedMesh, list[str]]:
-    """The mesh in metres with z up, without broken triangles, and a notice for every repair.
+def placed(mesh: TexturedMesh, *, scale: float | None, up_axis: str | None) -> tuple[TexturedMesh, list[str]]:
+    """The mesh in metres with z up, without broken triangles, and a notice for every repair and doubt.
 
-    Raises `SceneError` when nothing is left or no scale makes a plausible building.
+    Scale and axis are found where they are None. Raises `SceneError` when nothing is left
+    or no scale makes a plausible building.
     """
     mesh, notices = _without_broken_triangles(mesh)
-    axis = up_axis or ("y" if is_gltf else _find_up_axis(mesh))
-    if up_axis is None and not is_gltf:
+    axis = up_axis or _find_up_axis(mesh)
+    if up_axis is None:
         notices.append(
-            f"up axis taken to be {axis} (the shortest side of the scene; set up_axis to change it)"
+            f"up axis taken to be {axis} (the shortest side of the scene; set scene.up_axis to change it)"
+        )
+    elif (other := _likelier_axis(mesh, up_axis)) is not None:
+        notices.append(
+            f"up axis is {axis}, but most of the surface faces {other}: if the scene lies on its side, set "
+            f"scene.up_axis={other}"
         )
     mesh = mesh.moved(np.array(_WORLD_FROM_FILE[axis], dtype=float), np.zeros(3), scale or 1.0)
     if scale is None:
         factor = _find_scale(mesh)
         if factor != 1.0:
             notices.append(
-                f"the file's unit is not the metre: rescaled by {factor:g} (set scale to change it)"
+                f"the file's unit is not the metre: rescaled by {factor:g} (set scene.scale to change it)"
             )
             mesh = mesh.moved(np.eye(3), np.zeros(3), factor)
     return mesh, notices
-
-
-def find_floor_z(caster: RayCaster) -> float:
-    """Height [m] of the lowest large level surface with room to stand above it.
-
-    Level triangles are gathered in bins of 2 cm; of those with at least a third of the largest bin's
-    standing area the lowest is the floor. The underside of a floor slab has no room above it, so it never
-    counts; a roof counts only in a scene without covered floor.
-    """
-    mesh = caster.mesh
-    level = np.abs(mesh.normals[:, 2]) > 0.95
-    if not level.any():
-        raise SceneError(
-            "the scene has no level surface that could be a floor: check up_axis, or give floor_z_m"
-        )
-    points, _ = mesh.kept(level).sample_surface(20000, np.random.default_rng(0))
-    above = points + np.array([0.0, 0.0, 0.01])
-    headroom = caster.cast(above, np.broadcast_to([0.0, 0.0, 1.0], above.shape))
-    covered = (headroom > _STANDING_HEIGHT_M) & np.isfinite(headroom)
-    # A roof is level with all the room in the world above: open sky counts only where nothing is covered.
-    indoors = np.mean(covered) > _MIN_COVERED_SHARE
-    standing = points[covered if indoors else headroom > _STANDING_HEIGHT_M, 2]
-    if len(standing) == 0:
-        raise SceneError(
-            f"nowhere in the scene is there {_STANDING_HEIGHT_M} m of room above a level surface: "
-            "check scale and up_axis, or give floor_z_m"
-        )
-    bins = np.floor((standing - standing.min()) / _LEVEL_BIN_M).astype(int)
-    counts = np.bincount(bins)
-    # Two neighbouring bins count together: a floor may lie on their border.
-    joined = counts + np.append(counts[1:], 0)
-    lowest = int(np.argmax(joined >= joined.max() / 3))
-    return float(np.median(standing[(bins == lowest) | (bins == lowest + 1)]))
 
 
 def _without_broken_triangles(mesh: TexturedMesh) -> tuple[TexturedMesh, list[str]]:
@@ -109,8 +78,20 @@ def _find_up_axis(mesh: TexturedMesh) -> str:
     """The axis along which the scene is shortest; between near equals, the one with most area facing it."""
     size = mesh.bounds().size_m
     candidates = np.flatnonzero(size <= 1.2 * size.min())
-    facing: Float[ndarray, " 3"] = (np.abs(mesh.normals) > 0.95).T @ mesh.areas_m2
-    return "xyz"[int(candidates[np.argmax(facing[candidates])])]
+    return "xyz"[int(candidates[np.argmax(_facing(mesh)[candidates])])]
+
+
+def _likelier_axis(mesh: TexturedMesh, up_axis: str) -> str | None:
+    """An axis with much more level surface than `up_axis` has, or None."""
+    facing = _facing(mesh)
+    best = int(np.argmax(facing))
+    return "xyz"[best] if facing[best] > _DOUBTFUL * facing["xyz".index(up_axis[-1])] else None
+
+
+def _facing(mesh: TexturedMesh) -> Float[ndarray, " 3"]:
+    """Surface [square units] that faces each axis, either way."""
+    area: Float[ndarray, " 3"] = (np.abs(mesh.normals) > 0.95).T @ mesh.areas_m2
+    return area
 
 
 def _find_scale(mesh: TexturedMesh) -> float:
@@ -127,5 +108,6 @@ def _find_scale(mesh: TexturedMesh) -> float:
     raise SceneError(
         f"the scene measures {' x '.join(f'{s:.4g}' for s in size)} units (z up), not a building of "
         f"{_WORLD_SIZE_M[0]:g} to {_WORLD_SIZE_M[1]:g} m, and no power of ten makes it "
-        f"{_ROOM_HEIGHT_M[0]:g} to {_ROOM_HEIGHT_M[1]:g} m high: give scale (metres per unit) and up_axis"
+        f"{_ROOM_HEIGHT_M[0]:g} to {_ROOM_HEIGHT_M[1]:g} m high: give scene.scale "
+        "(metres per unit) and scene.up_axis"
     )

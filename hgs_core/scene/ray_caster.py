@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import open3d as o3d
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -35,8 +37,12 @@ class RayCaster:
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices_m)),
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
         )
-        self._appearance = Appearance.of(mesh)
         self._camera_rays: dict[CameraIntrinsics, Float32[ndarray, "n 3"]] = {}
+
+    @cached_property
+    def _appearance(self) -> Appearance:
+        """Prepared at the first picture: many questions need rays alone."""
+        return Appearance.of(self.mesh)
 
     def render(
         self, intrinsics: CameraIntrinsics, T_world_camera: SE3, range_m: float = np.inf

@@ -16,6 +16,8 @@ _NEAREST_M = 1e-3
 class DepthCameraConfig(StrictConfig):
     """An RGB-D camera that looks level, straight ahead, from above the robot's axis."""
 
+    method: str = "rgbd"
+    """Which sensor: a name that `sensor_methods()` lists."""
     width: int = Field(1200, ge=1)
     """Image width [pixels]."""
     height: int = Field(680, ge=1)

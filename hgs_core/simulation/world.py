@@ -12,7 +12,7 @@ from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.scene import Scene
 from hgs_core.sensing.depth_camera import DepthCameraConfig
 from hgs_core.sensing.scanner import ScannerConfig
-from hgs_core.simulation.camera import SimulatedCamera
+from hgs_core.simulation.registry import SimulatedSensor, build_sensor
 from hgs_core.simulation.robot import SimulatedRobot
 from hgs_core.simulation.scanner import SimulatedScanner
 
@@ -23,7 +23,7 @@ class SimulatedWorld:
 
     scene: Scene
     robot: SimulatedRobot
-    camera: SimulatedCamera
+    camera: SimulatedSensor
     scanner: SimulatedScanner
 
     @staticmethod
@@ -41,7 +41,7 @@ class SimulatedWorld:
         return SimulatedWorld(
             scene=scene,
             robot=vehicle,
-            camera=SimulatedCamera(scene.caster, vehicle, camera, np.random.default_rng(camera_seed)),
+            camera=build_sensor(scene.caster, vehicle, camera, np.random.default_rng(camera_seed)),
             scanner=SimulatedScanner(scene.caster, vehicle, scanner, np.random.default_rng(scanner_seed)),
         )
 

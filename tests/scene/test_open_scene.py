@@ -3,12 +3,15 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from hgs_core.errors import SceneError
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.scene.options import SceneOptions, StartOptions
 from hgs_core.scene.ray_caster import RayCaster
-from hgs_core.scene.scene import SceneOptions, StartOptions, list_scenes, open_scene
-from tests.scene.worlds import quad, room, tessellated, textured, with_boxes, y_up
+from hgs_core.scene.registry import scene_names
+from hgs_core.scene.scene import open_scene
+from tests.scene.worlds import CHECKER, quad, room, tessellated, textured, with_boxes, y_up
 
 BLOCK = ((0.5, 0.5, 0.0), (1.5, 1.2, 0.8))
 
@@ -39,6 +42,25 @@ def test_textures_survive_the_file(tmp_path):
     pose, camera = level_camera_pose(-1.0, -1.0, 1.0, 0.7), CameraIntrinsics.centred(64, 48, 40.0)
     expected, _ = RayCaster(original).render(camera, pose)
     rgb, _ = open_scene(tmp_path / "room.glb").caster.render(camera, pose)
+    assert np.mean(np.abs(rgb.astype(int) - expected)) < 1.0
+
+
+def test_corners_of_an_obj_share_places_and_not_texture_coordinates(tmp_path):
+    """As scanners write it: a place once, and a texture coordinate for each face that meets there."""
+    original = with_boxes(BLOCK)
+    places, corner = np.unique(original.corners_m.reshape(-1, 3), axis=0, return_inverse=True)
+    assert len(places) == 16
+    Image.fromarray(CHECKER).save(tmp_path / "checker.png")
+    (tmp_path / "room.mtl").write_text("newmtl checker\nmap_Kd checker.png\n")
+    lines = ["mtllib room.mtl", *(f"v {x} {y} {z}" for x, y, z in places)]
+    lines += [f"vt {u} {v}" for u, v in original.uv.reshape(-1, 2)]
+    lines += ["usemtl checker"]
+    for k, (a, b, c) in enumerate(corner.reshape(-1, 3) + 1):
+        lines.append(f"f {a}/{3 * k + 1} {b}/{3 * k + 2} {c}/{3 * k + 3}")
+    (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")
+    pose, camera = level_camera_pose(-1.0, -1.0, 1.0, 0.7), CameraIntrinsics.centred(64, 48, 40.0)
+    expected, _ = RayCaster(original).render(camera, pose)
+    rgb, _ = open_scene(tmp_path / "room.obj", SceneOptions(up_axis="z")).caster.render(camera, pose)
     assert np.mean(np.abs(rgb.astype(int) - expected)) < 1.0
 
 
@@ -82,7 +104,7 @@ def test_a_scale_that_no_power_of_ten_repairs_is_an_error_until_given(tmp_path):
     mesh = y_up(textured(room()))
     mesh.apply_scale([60.0, 600.0, 60.0])
     mesh.export(tmp_path / "odd.glb")
-    with pytest.raises(SceneError, match=r"no power of ten .* give scale"):
+    with pytest.raises(SceneError, match=r"no power of ten .* give scene.scale"):
         open_scene(tmp_path / "odd.glb")
     plain = y_up(textured(room()))
     plain.apply_scale(39.37)
@@ -230,8 +252,8 @@ def test_a_start_that_cannot_be_used_is_replaced_and_stated(tmp_path, text, word
 
 
 def test_built_in_names():
-    assert list_scenes() == ("house", "building")
-    for name in list_scenes():
+    assert list(scene_names()) == ["house", "building"]
+    for name in scene_names():
         with pytest.raises(SceneError, match=f"expected {name} or {name}:SEED"):
             open_scene(f"{name}:blue")
 

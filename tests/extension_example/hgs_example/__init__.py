@@ -1,0 +1,1 @@
+"""One planner, one gain, one scene source and one sensor, as another package brings them."""
