@@ -74,7 +74,7 @@ def observable_ceiling(
     A cache that cannot be read or written costs time, never the figures: it is logged and done without.
     """
     samples = sample_surface(caster.mesh.vertices_m, caster.mesh.triangles, n_samples=request.n_samples)
-    path = cache_directory() / f"ceiling-{_key(caster.mesh, request)}.npz"
+    path = cache_directory() / f"ceiling-{cache_key(caster.mesh, request, _METHOD_VERSION)}.npz"
     cached = _load(path, request.n_samples)
     if cached is not None:
         observable, positions = cached
@@ -98,10 +98,11 @@ def observable_ceiling(
     return ObservableCeiling(samples_m=samples, observable=observable, positions_m=positions)
 
 
-def _key(mesh: TexturedMesh, request: CeilingRequest) -> str:
+def cache_key(mesh: TexturedMesh, request: CeilingRequest, method: object) -> str:
+    """A name for what `method` (plain data, its version included) makes of the mesh and the request."""
     camera = request.intrinsics
     parameters = [
-        _METHOD_VERSION,
+        method,
         SAMPLE_SEED,
         GRID_M,
         *request.start_xy,

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from hgs_core.evaluation.chart_axes import number, ticks
+
 _WIDTH: Final = 600
 _HEIGHT: Final = 260
 _LEFT: Final = 62
@@ -38,8 +40,8 @@ def line_chart(title: str, series: Sequence[Series], *, x_label: str, y_label: s
     shown = [_finite(one) for one in series]
     if not any(len(one.x) for one in shown):
         return f'<figure class="chart"><figcaption>{escape(title)}: not measured</figcaption></figure>'
-    x_ticks = _ticks(min(one.x.min() for one in shown if len(one.x)), _largest(one.x for one in shown))
-    y_ticks = _ticks(min(0.0, *(one.y.min() for one in shown if len(one.y))), _largest(o.y for o in shown))
+    x_ticks = ticks(min(one.x.min() for one in shown if len(one.x)), _largest(one.x for one in shown))
+    y_ticks = ticks(min(0.0, *(one.y.min() for one in shown if len(one.y))), _largest(o.y for o in shown))
     parts = [
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{escape(title)}">',
         f'<text class="title" x="{_LEFT}" y="16">{escape(title)}</text>',
@@ -47,10 +49,10 @@ def line_chart(title: str, series: Sequence[Series], *, x_label: str, y_label: s
     for tick in y_ticks:
         y = _y(tick, y_ticks)
         parts.append(f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(f'<text class="tick end" x="{_LEFT - 6}" y="{y + 4:.1f}">{_number(tick)}</text>')
+        parts.append(f'<text class="tick end" x="{_LEFT - 6}" y="{y + 4:.1f}">{number(tick)}</text>')
     for tick in x_ticks:
         x = _x(tick, x_ticks)
-        parts.append(f'<text class="tick middle" x="{x:.1f}" y="{_HEIGHT - 24}">{_number(tick)}</text>')
+        parts.append(f'<text class="tick middle" x="{x:.1f}" y="{_HEIGHT - 24}">{number(tick)}</text>')
     middle = (_LEFT + _WIDTH - _RIGHT) / 2
     parts.append(f'<text class="tick middle" x="{middle}" y="{_HEIGHT - 6}">{escape(x_label)}</text>')
     parts.append(f'<text class="tick end" x="{_WIDTH - _RIGHT}" y="16">{escape(y_label)}</text>')
@@ -70,15 +72,6 @@ def _finite(one: Series) -> Series:
 
 def _largest(columns: Iterable[Float[ndarray, " n"]]) -> float:
     return max(float(column.max()) for column in columns if len(column))
-
-
-def _ticks(lower: float, upper: float) -> Float[ndarray, " n_ticks"]:
-    """Round numbers from at most `lower` to at least `upper`, four to seven of them."""
-    span = upper - lower if upper > lower else max(abs(upper), 1.0)
-    step = 10.0 ** np.floor(np.log10(span / 4))
-    step *= next(factor for factor in (1, 2, 2.5, 5, 10) if span / (step * factor) <= 5)
-    first, last = np.floor(lower / step), np.ceil((lower + span) / step)
-    return np.arange(first, last + 1) * step
 
 
 def _x(value: float, ticks: Float[ndarray, " n"]) -> float:
@@ -101,9 +94,3 @@ def _path(one: Series, x_ticks: Float[ndarray, " n"], y_ticks: Float[ndarray, " 
         commands.append(f"{'L' if pen_down else 'M'}{_x(x, x_ticks):.1f} {_y(y, y_ticks):.1f}")
         pen_down = True
     return "".join(commands)
-
-
-def _number(value: float) -> str:
-    if abs(value) >= 1e6:
-        return f"{value / 1e6:g} M"
-    return f"{value / 1e3:g} k" if abs(value) >= 1e4 else f"{round(value, 9):g}"

@@ -9,6 +9,7 @@ from jaxtyping import Float32
 from numpy import ndarray
 
 from hgs_core.evaluation.ceiling import CeilingRequest, observable_ceiling
+from hgs_core.evaluation.compatibility import activegamer_metrics, naruto_metrics
 from hgs_core.evaluation.held_out import held_out_poses, image_metrics
 from hgs_core.evaluation.result import EvaluationResult
 from hgs_core.evaluation.surface import OPAQUE, SurfaceMetrics, surface_metrics
@@ -80,10 +81,13 @@ def evaluate_mission(
         range_m=range_m,
         progress=progress,
     )
+    surface = measured(centres)
     return EvaluationResult(
-        surface=measured(centres),
+        surface=surface,
         surface_opaque=measured(centres[gaussians.opacities >= OPAQUE]),
         surface_mesh=None if mesh is None else measured(mesh.vertices_m),
+        naruto=naruto_metrics(surface),
+        activegamer=activegamer_metrics(centres, ceiling.samples_m),
         observable_fraction=ceiling.fraction,
         n_reachable=len(ceiling.positions_m),
         images=images,

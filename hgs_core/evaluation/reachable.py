@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy import ndimage
 
@@ -21,10 +22,39 @@ _CELLS_PER_GRID: Final = 5
 _START_TOLERANCE_CELLS: Final = 2
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReachableFloor:
+    """A raster of 5 cm in world coordinates: cell `(i, j)` is centred at `(first_cell + (i, j)) * cell_m`."""
+
+    cells: Bool[ndarray, "n_x n_y"]
+    """Where the robot's axis can be."""
+    first_cell: Int[ndarray, " 2"]
+    cell_m: float = GRID_M / _CELLS_PER_GRID
+
+    def positions_m(self, spacing_m: float = GRID_M) -> Float[ndarray, "n 2"]:
+        """The reachable multiples of `spacing_m`, itself a multiple of the cell, sorted."""
+        cells = np.argwhere(self.cells) + self.first_cell
+        return cells[np.all(cells % round(spacing_m / self.cell_m) == 0, axis=1)] * self.cell_m
+
+    def index_of(self, positions_m: Float[ndarray, "*points 2"]) -> Int[ndarray, "*points 2"]:
+        """The cells that positions lie in; they may lie outside the raster."""
+        return np.rint(positions_m / self.cell_m).astype(np.int64) - self.first_cell
+
+
 def reachable_positions(
     caster: RayCaster, *, start_xy: tuple[float, float], radius_m: float, height_m: float
 ) -> Float[ndarray, "n 2"]:
     """Multiples of 0.25 m where an upright cylinder can stand and can get to from `start_xy`, sorted.
+
+    See `reachable_floor`, which raises the same `SceneError`.
+    """
+    return reachable_floor(caster, start_xy=start_xy, radius_m=radius_m, height_m=height_m).positions_m()
+
+
+def reachable_floor(
+    caster: RayCaster, *, start_xy: tuple[float, float], radius_m: float, height_m: float
+) -> ReachableFloor:
+    """Where an upright cylinder can stand and can get to from `start_xy`.
 
     A place is free when nothing between wheel height and `height_m` is nearer than `radius_m` to the
     cylinder's axis, and there is floor under it. Places are connected through free
@@ -42,9 +72,7 @@ def reachable_positions(
         )
     labels, _ = ndimage.label(free)
     anchor = start + offsets[np.abs(offsets).max(axis=1).argmin()]
-    cells = np.argwhere(labels == labels[tuple(anchor)]) + first_cell
-    on_grid = np.all(cells % _CELLS_PER_GRID == 0, axis=1)
-    return cells[on_grid] * cell_m
+    return ReachableFloor(cells=labels == labels[tuple(anchor)], first_cell=first_cell)
 
 
 def _free_cells(

@@ -15,7 +15,10 @@ import numpy as np
 from pydantic import ValidationError
 
 from hgs_core.errors import ConfigError
+from hgs_core.evaluation.completion_curve import path_m_at, time_s_at
+from hgs_core.evaluation.quality_figures import quality_figures
 from hgs_core.evaluation.report_parts import (
+    CurvePoint,
     Figure,
     HeldOutImage,
     PlanningCycle,
@@ -25,16 +28,17 @@ from hgs_core.evaluation.report_parts import (
     UnseenEntry,
 )
 from hgs_core.evaluation.result import EvaluationResult
-from hgs_core.evaluation.surface import THRESHOLDS_CM, SurfaceMetrics
 
 SCHEMA_VERSION: Final = 1
 
 
 _OF_THE_MAP: Final = (
     *("accuracy_", "completion_", "precision_", "recall_", "f1_", "n_gaussians_opaque"),
-    *("psnr_", "ssim", "depth_l1_", "median_depth_", "quality_correlation", "sparsification_"),
+    *("psnr_", "ssim", "depth_l1_", "median_depth_", "quality_correlation", "sparsification_", "compat_"),
 )
 """How the names of the figures begin that hold for one map alone."""
+_OF_THE_MISSION: Final = ("completion_curve",)
+"""What begins likewise and does not."""
 
 
 class MissionReport(ReportPart):
@@ -48,6 +52,8 @@ class MissionReport(ReportPart):
     seed: int
     clock: str = "lockstep"
     """lockstep or real."""
+    preset: str | None = None
+    """The mission preset's name; null in reports of earlier versions."""
     planner: str
     """The planner's name: the mission's preset unless a planner was named."""
     stop_reason: str
@@ -174,12 +180,32 @@ class MissionReport(ReportPart):
     evaluation_s: Figure = None
     """Wall seconds of the evaluation."""
 
+    completion_curve: tuple[CurvePoint, ...] = ()
+    """Observable completion ratio over path and time; a sample once complete stays so until the last point,
+    which is the evaluation's. Empty where it was not recorded."""
+    path_m_at_90: Figure = None
+    """Path length at which the curve first reaches 0.90; null if it never does."""
+    path_m_at_95: Figure = None
+    time_s_at_90: Figure = None
+    """Mission time likewise."""
+    curve_wall_s: Figure = None
+    """Wall seconds of the curve's readings, which are part of `wall_s`."""
+    compat_naruto_accuracy_cm: Figure = None
+    """What NARUTO's evaluator calls so: completion, since it swaps its meshes; likewise below."""
+    compat_naruto_completion_cm: Figure = None
+    compat_naruto_completion_ratio: Figure = None
+    compat_activegamer_accuracy_cm: Figure = None
+    """What ActiveGAMER's evaluator calls so: of Gaussians nearest to true points alone; likewise below."""
+    compat_activegamer_completion_cm: Figure = None
+    compat_activegamer_completion_ratio: Figure = None
+
     @classmethod
     def compose(
         cls,
         *,
         scene: str,
         seed: int,
+        preset: str,
         planner: str,
         stop_reason: str,
         stop_message: str,
@@ -202,6 +228,8 @@ class MissionReport(ReportPart):
         versions: Mapping[str, str],
         kernel_variant: str,
         threads: int,
+        completion_curve: Sequence[CurvePoint] = (),
+        curve_wall_s: float | None = None,
         evaluation: EvaluationResult | None,
     ) -> MissionReport:
         """Put a mission's facts and its evaluation together.
@@ -214,6 +242,7 @@ class MissionReport(ReportPart):
         report = cls(
             scene=scene,
             seed=seed,
+            preset=preset,
             planner=planner,
             stop_reason=stop_reason,
             stop_message=stop_message,
@@ -244,48 +273,22 @@ class MissionReport(ReportPart):
             versions=dict(versions),
             kernel_variant=kernel_variant,
             threads=threads,
+            curve_wall_s=curve_wall_s,
+            **_curve_figures(completion_curve),
         )
         return report if evaluation is None else report.with_evaluation(evaluation)
 
     def with_evaluation(self, evaluation: EvaluationResult) -> MissionReport:
-        """This report with every quality figure replaced by those of `evaluation`."""
-        every, opaque, images = evaluation.surface, evaluation.surface_opaque, evaluation.images
-        at_5cm = THRESHOLDS_CM.index(5)
-        figures: dict[str, float | int | None] = {
-            "accuracy_cm": every.accuracy_cm,
-            "completion_cm": every.completion_cm,
-            "completion_ratio": every.completion_ratio,
-            "completion_cm_observable": every.completion_cm_observable,
-            "completion_ratio_observable": every.completion_ratio_observable,
-            "observable_fraction": evaluation.observable_fraction,
-            "accuracy_cm_to_samples": every.accuracy_cm_to_samples,
-            "n_gaussians_opaque": opaque.n_points,
-            "accuracy_cm_opaque": opaque.accuracy_cm,
-            "completion_cm_opaque": opaque.completion_cm,
-            "completion_ratio_opaque": opaque.completion_ratio,
-            "completion_ratio_observable_opaque": opaque.completion_ratio_observable,
-            "precision_5cm_opaque": opaque.precision[at_5cm],
-            "f1_5cm_opaque": opaque.f1[at_5cm],
-            "psnr_db": images.psnr_db,
-            "ssim": images.ssim,
-            "depth_l1_cm": images.depth_l1_cm,
-            "psnr_db_unmasked": images.psnr_db_unmasked,
-            "ssim_unmasked": images.ssim_unmasked,
-            "observed_mask_share": images.observed_mask_share,
-            "median_depth_error_cm": images.median_depth_error_cm,
-            "held_out_views": images.n_views,
-            "evaluation_s": evaluation.wall_s,
-        }
-        figures.update(_mesh_figures(evaluation.surface_mesh))
-        held_out = [HeldOutImage.of(view) for view in images.views]
-        figures.update({key: _mean([getattr(image, key) for image in held_out]) for key in _PREDICTION_KEYS})
-        for index, cm in enumerate(THRESHOLDS_CM):
-            figures[f"precision_{cm}cm"] = every.precision[index]
-            figures[f"recall_{cm}cm"] = every.recall[index]
-            figures[f"f1_{cm}cm"] = every.f1[index]
-        return type(self).model_validate(
-            {**self.model_dump(by_alias=True), **figures, "held_out_images": held_out}
-        )
+        """This report with every quality figure replaced by those of `evaluation`.
+
+        The completion curve ends with it, too, unless the map was optimised further since the mission.
+        """
+        figures = quality_figures(evaluation)
+        curve = self.completion_curve
+        if curve and self.refinement is None:
+            last = curve[-1].model_copy(update={"ratio": evaluation.surface.completion_ratio_observable})
+            figures.update(_curve_figures((*curve[:-1], last)))
+        return type(self).model_validate({**self.model_dump(by_alias=True), **figures})
 
     def refined(self, *, seconds: float, steps: int) -> MissionReport:
         """This report after the map was optimised further, its quality figures unknown until evaluated.
@@ -307,7 +310,7 @@ class MissionReport(ReportPart):
         unknown = {
             name: None
             for name in type(self).model_fields
-            if name.startswith(_OF_THE_MAP) and not name.endswith("_mesh")
+            if name.startswith(_OF_THE_MAP) and name not in _OF_THE_MISSION and not name.endswith("_mesh")
         }
         return self.model_copy(update={**unknown, "held_out_images": (), "refinement": entry})
 
@@ -338,33 +341,13 @@ class MissionReport(ReportPart):
             raise ConfigError(f"{path} is not a mission report: {error}") from error
 
 
-_PREDICTION_KEYS: Final = tuple(
-    key
-    for key in HeldOutImage.model_fields
-    if key.startswith(("quality_correlation", "sparsification_error"))
-)
-
-
-def _mesh_figures(mesh: SurfaceMetrics | None) -> dict[str, float | int | None]:
-    if mesh is None:
-        mesh_keys = [key for key in MissionReport.model_fields if key.endswith("_mesh")]
-        return dict.fromkeys(mesh_keys)
-    at_5cm = THRESHOLDS_CM.index(5)
+def _curve_figures(curve: Sequence[CurvePoint]) -> dict[str, object]:
     return {
-        "n_vertices_mesh": mesh.n_points,
-        "accuracy_cm_mesh": mesh.accuracy_cm,
-        "completion_cm_mesh": mesh.completion_cm,
-        "completion_ratio_mesh": mesh.completion_ratio,
-        "completion_cm_observable_mesh": mesh.completion_cm_observable,
-        "completion_ratio_observable_mesh": mesh.completion_ratio_observable,
-        "precision_5cm_mesh": mesh.precision[at_5cm],
-        "f1_5cm_mesh": mesh.f1[at_5cm],
+        "completion_curve": tuple(curve),
+        "path_m_at_90": path_m_at(curve, 0.90),
+        "path_m_at_95": path_m_at(curve, 0.95),
+        "time_s_at_90": time_s_at(curve, 0.90),
     }
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    measured = [value for value in values if value is not None]
-    return float(np.mean(measured)) if measured else None
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:

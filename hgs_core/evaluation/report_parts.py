@@ -58,6 +58,18 @@ class UnseenEntry(ReportPart):
     """unreachable, below_threshold, occluded, out_of_bounds, time_limit or interrupted."""
 
 
+class CurvePoint(ReportPart):
+    """How complete the map was at one moment of the mission."""
+
+    path_m: float
+    """How far the robot had driven."""
+    time_s: float
+    """Mission time."""
+    ratio: float
+    """Observable completion ratio: share of what any reachable camera pose can see with a Gaussian's centre
+    within 5 cm."""
+
+
 class HeldOutImage(ReportPart):
     """One held-out view, over surface that some training frame saw."""
 

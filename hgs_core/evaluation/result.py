@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hgs_core.evaluation.compatibility import CompatibilityMetrics
 from hgs_core.evaluation.surface import SurfaceMetrics
 from hgs_core.evaluation.uncertainty import PredictionScore
 from hgs_core.geometry.se3 import SE3
@@ -64,6 +65,10 @@ class EvaluationResult:
     """From the centres of Gaussians of opacity 0.5 or more."""
     surface_mesh: SurfaceMetrics | None = None
     """From the vertices of the fused mesh, where there is one."""
+    naruto: CompatibilityMetrics
+    """What NARUTO's evaluator would print of all Gaussian centres."""
+    activegamer: CompatibilityMetrics
+    """What ActiveGAMER's evaluator would print of them."""
     observable_fraction: float
     """Share of the true surface that any reachable camera pose can see."""
     n_reachable: int

@@ -72,6 +72,8 @@ class SurfaceMetrics:
     """Completion ratio over the observable samples alone."""
     precision: tuple[float, ...]
     """Share of the reconstruction's points closer to the true surface than each threshold."""
+    precision_to_samples: tuple[float, ...]
+    """The same to the nearest ground-truth sample."""
     recall: tuple[float, ...]
     """Share of ground-truth samples closer to the reconstruction than each threshold."""
     f1: tuple[float, ...]
@@ -100,6 +102,7 @@ def surface_metrics(
             completion_cm_observable=float("nan"),
             completion_ratio_observable=0.0,
             precision=nothing,
+            precision_to_samples=nothing,
             recall=nothing,
             f1=nothing,
         )
@@ -119,6 +122,7 @@ def surface_metrics(
         completion_cm_observable=_mean_cm(seen),
         completion_ratio_observable=_share_below(seen, COMPLETION_THRESHOLD_M),
         precision=precision,
+        precision_to_samples=tuple(_share_below(to_samples, cm / 100) for cm in THRESHOLDS_CM),
         recall=recall,
         f1=tuple(2 * p * r / (p + r) if p + r > 0 else 0.0 for p, r in zip(precision, recall, strict=True)),
     )

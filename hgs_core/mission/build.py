@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from hgs_core.gain.evaluator import PanoramaGainEvaluator
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.mapper import Mapper
 from hgs_core.mission.clock import clock_of
 from hgs_core.mission.config import MissionConfig
+from hgs_core.mission.curve_recorder import CurveRecorder
 from hgs_core.mission.events import CommandSource, MissionObserver
 from hgs_core.mission.mission import Mission
-from hgs_core.planning.hierarchical import HierarchicalPlanner
+from hgs_core.planning.registry import build_planner
+from hgs_core.planning.survey import PlannerContext
 from hgs_core.scene.scene import Scene, open_scene
 from hgs_core.simulation.world import SimulatedWorld
 
@@ -29,6 +30,8 @@ class MissionParts:
     world: SimulatedWorld
     mapper: Mapper
     mission: Mission
+    curve: CurveRecorder | None
+    """Records how complete the map is meanwhile, where that is wanted."""
 
 
 def build_mission(
@@ -46,7 +49,9 @@ def build_mission(
     nothing else of the scene. Raises `SceneError` when the scene cannot serve.
     """
     world_seeds, mapper_seed, planner_seed = np.random.SeedSequence(seed).spawn(3)
-    scene = open_scene(scene_source, radius_m=config.robot.radius_m, height_m=config.robot.height_m)
+    scene = open_scene(
+        scene_source, config.scene, radius_m=config.robot.radius_m, height_m=config.robot.height_m
+    )
     world = SimulatedWorld.of(
         scene,
         robot=config.robot,
@@ -58,27 +63,30 @@ def build_mission(
     mapper = build_mapper(
         config, region=region, keyframe_folder=keyframe_folder, rng=np.random.default_rng(mapper_seed)
     )
-    planner = HierarchicalPlanner(
-        config.planner,
-        config.robot,
-        PanoramaGainEvaluator(config.gain, config.sensor.camera.intrinsics(), config.sensor.camera.range_m),
+    context = PlannerContext(
+        robot=config.robot,
+        camera=config.sensor.camera.intrinsics(),
         camera_height_m=config.sensor.camera.mount_height_m,
         camera_range_m=config.sensor.camera.range_m,
         region=region,
     )
+    clock = clock_of(config.clock, config.sensor.camera.frame_interval_s)
+    curve = None
+    if config.curve_interval_m > 0:
+        observer = curve = CurveRecorder.of(scene, config, mapper=mapper, clock=clock, observer=observer)
     mission = Mission(
         robot=world.robot,
         sensor=world.camera,
         scanner=world.scanner,
         mapper=mapper,
-        planner=planner,
+        planner=build_planner(config.planner, context),
         planner_rng=np.random.default_rng(planner_seed),
         limits=config.limits,
-        clock=clock_of(config.clock, config.sensor.camera.frame_interval_s),
+        clock=clock,
         observer=observer,
         commands=commands,
     )
-    return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission)
+    return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission, curve=curve)
 
 
 def build_mapper(

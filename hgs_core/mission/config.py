@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any, Final
 
 import yaml
-from pydantic import Field, ValidationError
+from pydantic import Field, SerializeAsAny, ValidationError
 
 from hgs_core.config.base import StrictConfig
-from hgs_core.config.presets import load_preset
+from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError
-from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
 from hgs_core.mission.clock import ClockKind
-from hgs_core.planning.config import PlannerConfig
+from hgs_core.planning.config import HierarchicalConfig, PlannerConfig
+from hgs_core.planning.registry import planner_config, planner_methods
 from hgs_core.robot.robot import RobotConfig
+from hgs_core.scene.options import SceneOptions
 from hgs_core.sensing.depth_camera import DepthCameraConfig
 from hgs_core.sensing.scanner import ScannerConfig
+from hgs_core.simulation.registry import sensor_config
 from hgs_core.voxels.voxel_map import VoxelConfig
 
 _SHARED_PRESETS: Final = ("sensor", "robot", "planner")
@@ -29,7 +32,8 @@ _SHARED_PRESETS: Final = ("sensor", "robot", "planner")
 class SensorConfig(StrictConfig):
     """What the robot carries."""
 
-    camera: DepthCameraConfig = DepthCameraConfig()
+    camera: SerializeAsAny[DepthCameraConfig] = DepthCameraConfig()
+    """The settings of one of the registered sensors."""
     scanner: ScannerConfig = ScannerConfig()
 
 
@@ -50,54 +54,95 @@ class MissionConfig(StrictConfig):
 
     description: str
     """One sentence for whoever chooses a preset."""
+    scene: SceneOptions = SceneOptions()
+    """How a mesh is placed in the world, where that is not to be found."""
     sensor: SensorConfig = SensorConfig()
     robot: RobotConfig = RobotConfig()
     voxels: VoxelConfig = VoxelConfig()
     mapping: MappingConfig = MappingConfig()
     refinement: RefinementConfig = RefinementConfig()
     mesh: MeshConfig = MeshConfig()
-    gain: GainConfig = GainConfig()
-    planner: PlannerConfig = PlannerConfig()
+    planner: SerializeAsAny[PlannerConfig] = HierarchicalConfig()
+    """How it decides where to look: the settings of one of the registered planners."""
     limits: MissionLimits = MissionLimits()
     clock: ClockKind = ClockKind.LOCKSTEP
     """`lockstep`: mission time is counted, and the same seed gives the same mission; `real`: it is wall time,
     the simulator's excepted, and mapper and planner must keep up."""
     threads: int = Field(2, ge=1)
     """Threads of every kernel; part of what makes a run repeatable."""
+    curve_interval_m: float = Field(0.0, ge=0)
+    """Metres of path between two readings of how complete the map is (`completion_curve`; simulated scenes
+    only); 0 = none. A reading takes about 0.1 s of wall time and no mission time; no planner sees it."""
+    curve_interval_s: float = Field(2.0, gt=0)
+    """Mission time [s] after which one is taken although the robot has not driven so far."""
     evaluate: bool = True
     """Compare the finished map with the true surface (simulated scenes only; takes up to a minute)."""
 
 
 def resolve_mission_config(preset: str, overrides: dict[str, str]) -> MissionConfig:
-    """The mission preset with `key.sub=value` overrides applied.
+    """The mission preset with `key.sub=value` overrides applied; see `changed`.
 
     Raises `ConfigError` naming the field, its value and what is allowed.
     """
     content = load_preset("mission", preset)
-    for section in _SHARED_PRESETS:
-        named = content.get(section)
-        if isinstance(named, str):
-            content[section] = load_preset(section, named)
     return changed(content, overrides, source=f"mission preset {preset!r}")
 
 
 def changed(content: dict[str, Any], overrides: dict[str, str], *, source: str) -> MissionConfig:
-    """A mission's resolved settings with `key.sub=value` overrides applied. Raises as above."""
+    """A mission's resolved settings with `key.sub=value` overrides applied. Raises as above.
+
+    `planner=NAME`, `sensor=NAME` and `robot=NAME` put another preset in the section's place, before any
+    `planner.key=value` is applied.
+    """
     copied = deepcopy(content)
-    for key, text in overrides.items():
-        _override(copied, key, text)
+    for key in overrides.keys() & set(_SHARED_PRESETS):
+        _override(copied, key, overrides[key])
+    for section in _SHARED_PRESETS:
+        named = copied.get(section)
+        if isinstance(named, str):
+            copied[section] = _section(section, named)
+    for key in [key for key in overrides if key not in _SHARED_PRESETS]:
+        _override(copied, key, overrides[key])
     return _mission_config_from(copied, source=source)
 
 
 def _mission_config_from(content: dict[str, Any], *, source: str) -> MissionConfig:
     try:
+        content = dict(content)
+        planner, sensor = content.get("planner"), content.get("sensor")
+        if isinstance(planner, dict):
+            content["planner"] = _plugin_config(planner_config, planner, source, "planner")
+        if isinstance(sensor, dict) and isinstance(sensor.get("camera"), dict):
+            camera = _plugin_config(sensor_config, sensor["camera"], source, "sensor", "camera")
+            content["sensor"] = {**sensor, "camera": camera}
         return MissionConfig.model_validate(content)
     except ValidationError as error:
-        lines = [
-            f"{'.'.join(map(str, e['loc'])) or '(top level)'} = {e['input']!r}: {e['msg']}"
-            for e in error.errors()
-        ]
-        raise ConfigError(f"{source} is not valid: " + "; ".join(lines)) from error
+        raise _faults(error, source) from error
+
+
+def _plugin_config(
+    build: Callable[[Mapping[str, Any]], StrictConfig], content: dict[str, Any], source: str, *section: str
+) -> StrictConfig:
+    """Settings of the class that their `method` asks for."""
+    try:
+        return build(content)
+    except ValidationError as error:
+        raise _faults(error, source, within=section) from error
+
+
+def _section(section: str, name: str) -> dict[str, Any]:
+    """The preset of that name; for a planner without one, as those of other packages are, its defaults."""
+    if section == "planner" and name not in preset_names(section) and name in planner_methods():
+        return {"method": name}
+    return load_preset(section, name)
+
+
+def _faults(error: ValidationError, source: str, within: tuple[str, ...] = ()) -> ConfigError:
+    lines = [
+        f"{'.'.join(map(str, (*within, *e['loc']))) or '(top level)'} = {e['input']!r}: {e['msg']}"
+        for e in error.errors()
+    ]
+    return ConfigError(f"{source} is not valid: " + "; ".join(lines))
 
 
 def _override(content: dict[str, Any], key: str, text: str) -> None:

@@ -47,7 +47,7 @@ class FinishedRun:
     def open_scene(self) -> Scene:
         """The run's scene, opened again. Raises `SceneError` where it is gone."""
         robot = self.config.robot
-        return open_scene(self.scene, radius_m=robot.radius_m, height_m=robot.height_m)
+        return open_scene(self.scene, self.config.scene, radius_m=robot.radius_m, height_m=robot.height_m)
 
 
 def _start_xy(content: dict[str, Any]) -> tuple[float, float] | None:

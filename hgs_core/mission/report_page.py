@@ -75,7 +75,7 @@ def write_report_page(
     ]
     say("report page: the map from above")
     body += _from_above(gaussians, folder)
-    body += [heading("Over the mission"), group("grid2", _charts(series))]
+    body += [heading("Over the mission"), group("grid2", _completion_charts(report) + _charts(series))]
     body += _unseen(report)
     say("report page: views")
     body += _views(folder, config, report, gaussians, caster)
@@ -157,6 +157,17 @@ def _charts(series: EventSeries) -> list[str]:
         chart("Gaussians", time, series.n_gaussians, "mission time [s]", ""),
         chart("T_P, each planning cycle", series.plan_time_s, series.planning_s, "mission time [s]", "s"),
         chart("Mapping, each frame", time, series.mapping_s, "mission time [s]", "s, wall"),
+    ]
+
+
+def _completion_charts(report: MissionReport) -> list[str]:
+    if not report.completion_curve:
+        return []
+    path, time, ratio = np.array([(p.path_m, p.time_s, 100 * p.ratio) for p in report.completion_curve]).T
+    over_path, over_time = (Series(name="observable", x=x, y=ratio) for x in (path, time))
+    return [
+        line_chart("Completion ratio, observable", [over_path], x_label="path [m]", y_label="%"),
+        line_chart("The same over time", [over_time], x_label="mission time [s]", y_label="%"),
     ]
 
 

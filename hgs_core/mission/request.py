@@ -11,7 +11,7 @@ class MissionRequest:
     """What to run, and where to leave the results."""
 
     scene: str
-    """`house`, `house:SEED`, or a mesh file."""
+    """`house`, `house:SEED`, or another name, a mesh file or the folder of a scan."""
     preset: str
     seed: int
     out: Path
@@ -19,5 +19,7 @@ class MissionRequest:
     """Mission time [s]; None = the preset's limit."""
     overrides: dict[str, str]
     """`section.key` -> YAML text, applied on top of the preset."""
+    planner: str | None = None
+    """A planner preset in place of the mission preset's."""
     clock: str | None = None
     """`lockstep` or `real`; None = the preset's."""

@@ -88,6 +88,8 @@ def run_mission(
 
 def _resolved(request: MissionRequest) -> MissionConfig:
     overrides = dict(request.overrides)
+    if request.planner is not None:
+        overrides["planner"] = request.planner
     if request.max_time_s is not None:
         overrides["limits.max_time_s"] = repr(request.max_time_s)
     if request.clock is not None:
@@ -178,11 +180,12 @@ def _report(
     *,
     wall_s: float,
 ) -> MissionReport:
-    state = parts.world.robot.state
+    state, curve = parts.world.robot.state, parts.curve
     return MissionReport.compose(
         scene=parts.scene.name,
         seed=request.seed,
-        planner=request.preset,
+        preset=request.preset,
+        planner=request.planner or request.preset,
         stop_reason=str(record.stop_reason),
         stop_message=record.message,
         wall_s=wall_s,
@@ -218,6 +221,8 @@ def _report(
         versions=software_versions(),
         kernel_variant=kernels.variant(),
         threads=config.threads,
+        completion_curve=() if curve is None else curve.finished(state.path_length_m, state.timestamp_s),
+        curve_wall_s=None if curve is None else curve.wall_s,
         evaluation=None,
     )
 
@@ -235,6 +240,7 @@ def _write_results(
     content = {
         "scene": request.scene,
         "preset": request.preset,
+        "planner": request.planner or request.preset,
         "seed": request.seed,
         "start": {
             "x_m": parts.scene.start.x_m,

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from hgs_core.errors import ConfigError
+from hgs_core.evaluation.compatibility import CompatibilityMetrics
 from hgs_core.evaluation.report import MissionReport
-from hgs_core.evaluation.report_parts import PlanningCycle, Region, UnseenEntry
+from hgs_core.evaluation.report_parts import CurvePoint, PlanningCycle, Region, UnseenEntry
 from hgs_core.evaluation.result import ErrorPrediction, EvaluationResult, ImageMetrics, ViewResult
 from hgs_core.evaluation.surface import SurfaceMetrics
 from hgs_core.evaluation.uncertainty import PredictionScore
@@ -64,6 +65,7 @@ SURFACE = SurfaceMetrics(
     completion_cm_observable=1.5,
     completion_ratio_observable=0.9375,
     precision=(0.25, 0.5, 0.75, 1.0),
+    precision_to_samples=(0.1, 0.3, 0.7, 0.9),
     recall=(0.125, 0.375, 0.625, 0.875),
     f1=(0.2, 0.4, 0.6, 0.8),
 )
@@ -87,6 +89,8 @@ def view(correlation: float) -> ViewResult:
 EVALUATION = EvaluationResult(
     surface=SURFACE,
     surface_opaque=replace(SURFACE, n_points=800, accuracy_cm=1.0),
+    naruto=CompatibilityMetrics(accuracy_cm=3.5, completion_cm=2.0, completion_ratio=0.7),
+    activegamer=CompatibilityMetrics(accuracy_cm=1.1, completion_cm=3.6, completion_ratio=0.6),
     observable_fraction=0.6,
     n_reachable=500,
     images=ImageMetrics(
@@ -108,6 +112,7 @@ def compose(evaluation: EvaluationResult | None = EVALUATION) -> MissionReport:
     return MissionReport.compose(
         scene="house",
         seed=3,
+        preset="paper",
         planner="paper",
         stop_reason="complete",
         stop_message="nothing left",
@@ -183,6 +188,39 @@ def test_a_mesh_has_columns_of_its_own_that_go_with_it() -> None:
     assert report.with_evaluation(EVALUATION) == compose()
 
 
+def test_other_evaluators_figures_stand_under_names_of_their_own() -> None:
+    report = compose()
+    assert (report.compat_naruto_accuracy_cm, report.compat_naruto_completion_ratio) == (3.5, 0.7)
+    assert (report.compat_activegamer_completion_cm, report.compat_activegamer_accuracy_cm) == (3.6, 1.1)
+
+
+CURVE = (
+    CurvePoint(path_m=0.0, time_s=1.0, ratio=0.5),
+    CurvePoint(path_m=20.0, time_s=31.0, ratio=1.0),
+    CurvePoint(path_m=40.0, time_s=60.0, ratio=1.0),
+)
+
+
+def test_a_curve_ends_with_the_evaluation_of_the_missions_map() -> None:
+    """0.90 lies four fifths of the way from 0.5 to 1.0; SURFACE is complete to 0.9375."""
+    report = compose(None).model_copy(update={"completion_curve": CURVE}).with_evaluation(EVALUATION)
+    assert [point.ratio for point in report.completion_curve] == [0.5, 1.0, 0.9375]
+    assert (report.path_m_at_90, report.path_m_at_95) == (pytest.approx(16.0), pytest.approx(18.0))
+    assert report.time_s_at_90 == pytest.approx(25.0)
+    assert report.with_evaluation(EVALUATION) == report
+
+
+def test_a_refined_map_is_none_of_the_missions_curve() -> None:
+    report = compose(None).model_copy(update={"completion_curve": CURVE}).with_evaluation(EVALUATION)
+    refined = report.refined(seconds=1.0, steps=10)
+    assert refined.compat_naruto_completion_ratio is None
+    assert refined.completion_curve == report.completion_curve
+    better = replace(EVALUATION, surface=replace(SURFACE, completion_ratio_observable=0.99))
+    again = refined.with_evaluation(better)
+    assert again.completion_ratio_observable == 0.99
+    assert again.completion_curve == report.completion_curve
+
+
 def test_round_trip(tmp_path: Path) -> None:
     report = compose()
     report.write(tmp_path / "report.json")
@@ -215,7 +253,16 @@ def test_a_mission_without_cycles_or_frames() -> None:
         **{
             name: getattr(report, name)
             for name in (
-                *("scene", "seed", "planner", "stop_reason", "stop_message", "wall_s", "sim_time_s"),
+                *(
+                    "scene",
+                    "seed",
+                    "preset",
+                    "planner",
+                    "stop_reason",
+                    "stop_message",
+                    "wall_s",
+                    "sim_time_s",
+                ),
                 *("path_length_m", "peak_rss_mib", "simulation_wall_s", "collisions", "versions"),
                 *("kernel_variant", "threads", "clock", "iterations", "frames_dropped", "frames_thinned"),
             )

@@ -33,11 +33,29 @@ def test_axes_cut_and_path() -> None:
     assert image[height // 4, 300].argmax() == 1  # green: right and up
     assert image[height // 4, 100].argmax() == 0
     assert image[3 * height // 4, 300].argmax() == 0
-    assert image[:, :, 2].max() < 60  # nothing white: the ceiling is gone
-    # The path is 1 m long, a quarter of the picture, and the only thing that is neither red nor green.
+    assert image[: height // 2, :, 2].max() < 60  # nothing white: the ceiling is gone
+    # The path is 1 m long, a quarter of the picture; the dots' rims stand out by 4 pixels.
     on_path = np.all(image == [255, 60, 0], axis=2)
-    assert np.count_nonzero(on_path.any(axis=0)) == pytest.approx(100, abs=6)
+    assert np.count_nonzero(on_path.any(axis=0)) == pytest.approx(108, abs=6)
     assert abs(np.argwhere(on_path)[:, 0].mean() / height - 0.75) < 0.03
+
+
+def test_a_white_dot_starts_the_way_and_a_black_one_ends_it() -> None:
+    path = np.array([[0.5, 0.5, 1.0], [1.5, 0.5, 1.0]])
+    corners = (np.array([0.0, 0.0]), np.array([4.0, 2.0]))
+    image = top_view(floor_and_ceiling(), path, width_px=408, bounds_m=corners)
+    assert image.shape == (204, 408, 3)  # 100 pixels a metre, a hundredth more on every side
+    assert image[152, 54].tolist() == [255, 255, 255]
+    assert image[152, 154].tolist() == [0, 0, 0]
+
+
+def test_given_bounds_are_what_is_shown() -> None:
+    corners = (np.array([2.0, 0.0]), np.array([4.0, 2.0]))
+    way = np.array([[3.0, 1.0, 1.0], [3.0, 1.5, 1.0]])
+    image = top_view(floor_and_ceiling(), way, width_px=200, bounds_m=corners)
+    assert image.shape == (200, 200, 3)
+    on_path = np.argwhere(np.all(image == [255, 60, 0], axis=2))
+    assert abs(on_path[:, 1].mean() - 100) < 3
 
 
 def test_nothing_below_the_cut_is_an_error() -> None:
