@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from app.cli.bench import bench
+from app.cli.bench_reference import reference
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.evaluate import evaluate
 from app.cli.exit_codes import ExitCode
@@ -56,6 +57,7 @@ application.command()(picture)
 application.command()(scenes)
 application.command()(presets)
 application.command()(serve)
+bench.command()(reference)
 application.add_typer(bench, name="bench")
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from app.cli.bench_planners import planners, tables
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.interrupts import InterruptCommands
 from app.cli.progress import MissionProgress
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from hgs_core.benchmark.recording import RecordingBenchmark
 
 bench = typer.Typer(no_args_is_help=True, help="Measure what this machine attains.")
+bench.command()(planners)
+bench.command()(tables)
 
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures here.")]
 Settings = Annotated[

@@ -17,10 +17,18 @@ from hgs_core.mission.clock import ClockKind
 
 def run(
     scene: Annotated[
-        str, typer.Option(help="house, building, NAME:SEED, or a mesh file (.glb, .gltf, .obj, .ply).")
+        str,
+        typer.Option(
+            help="house, building, NAME:SEED, a mesh file (.glb, .gltf, .obj, .ply) or the folder of a scan; "
+            "`hgs scenes` lists what there is."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results; must be absent or empty.")],
     preset: Annotated[str, typer.Option(help="Mission preset; `hgs presets` lists them.")] = "paper",
+    planner: Annotated[
+        str | None,
+        typer.Option(help="Another planner than the preset's; `hgs presets` lists them.", show_default=False),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same trajectory (lockstep clock).")] = 0,
     max_time: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="Mission time in seconds after which to stop.")
@@ -55,6 +63,7 @@ def run(
     request = mission.MissionRequest(
         scene=scene,
         preset=preset,
+        planner=planner,
         seed=seed,
         out=out,
         max_time_s=max_time,

@@ -131,7 +131,7 @@ def _compare(
 ) -> tuple[GainFidelity, GainFidelity]:
     """Coverage and quality. The exact score knows no saturation: neither does the fast one here."""
     camera, range_m = config.sensor.camera.intrinsics(), config.sensor.camera.range_m
-    gain = config.gain.model_copy(
+    gain = config.planner.gain.model_copy(
         update={
             "quality_saturation_m": 0.0,
             "use_coverage": True,

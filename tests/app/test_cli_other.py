@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 
 from app.cli.application import application
 from hgs_core.config.presets import preset_names
+from tests.scene.scans import hm3d
+from tests.scene.worlds import room
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -48,6 +50,19 @@ def test_built_in_scenes_are_listed() -> None:
     result = hgs("scenes")
     assert result.exit_code == 0
     assert "house:SEED" in result.stdout
+
+
+def test_scans_are_listed_and_placed_as_told(tmp_path: Path) -> None:
+    listed = " ".join(hgs("scenes").stdout.split())
+    for kind in ("Matterport3D scan", "HM3D scan", "Replica scene", "textured mesh"):
+        assert kind in listed
+    scan = str(hm3d(tmp_path, room(), forms=("glb",)))
+    placed = hgs("scenes", scan, "--set", "start.x_m=-1.5", "--set", "scene.start.y_m=0.5")
+    assert placed.exit_code == 0
+    assert "(-1.50, 0.50) m" in placed.stdout
+    wrong = hgs("scenes", scan, "--set", "up=z")
+    assert wrong.exit_code == 2
+    assert "scene.up = 'z'" in wrong.stderr
 
 
 def test_facts_of_a_scene(shared_dir: Path) -> None:

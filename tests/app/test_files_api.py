@@ -4,6 +4,8 @@ import numpy as np
 from PIL import Image
 
 from tests.app.conftest import begin, create, wait_for, wait_until
+from tests.scene.scans import hm3d
+from tests.scene.worlds import room
 
 
 def test_images_come_with_a_tag_and_are_sent_once(service):
@@ -83,13 +85,19 @@ def test_scenes_are_the_built_in_ones_and_the_meshes_of_the_folder(service, tmp_
     (scenes / "flat.glb").write_bytes(b"glTF")
     (scenes / "flat.json").write_text('{"description": "A flat"}')
     (scenes / "notes.txt").write_text("no mesh")
+    (scenes / "empty.glb").mkdir()
+    scan = hm3d(tmp_path, room(), forms=("glb",))
+    scan.rename(scenes / scan.name)
     client = service("run_short", scenes_dir=scenes)
     found = {scene["name"]: scene for scene in client.get("/api/v1/scenes").json()}
-    assert list(found) == ["house", "building", "flat.glb"]
+    assert list(found) == ["house", "building", "00800-TEEsavR23oF", "flat.glb"]
+    assert [scene["kind"] for scene in found.values()] == ["built-in", "built-in", "folder", "file"]
     assert found["flat.glb"]["description"].startswith("A flat")
     mission = create(client, scene="flat.glb")
     record = client.app.state.service.get(mission).record
     assert record.scene_source == str(scenes / "flat.glb")
+    mission = create(client, scene=scan.name)
+    assert client.app.state.service.get(mission).record.scene_source == str(scenes / scan.name)
 
 
 def test_presets_are_described(service):
