@@ -62,6 +62,12 @@ def planners(
     redo: Annotated[
         bool, typer.Option("--redo", help="Run finished missions again whose settings were others.")
     ] = False,
+    reference: Annotated[
+        bool,
+        typer.Option(
+            "--reference", help="First find each scene's path of full knowledge, to compare with (a minute)."
+        ),
+    ] = False,
     tables_only: Annotated[
         bool,
         typer.Option("--tables-only", help="Run nothing: tables of what is there, as `hgs bench tables`."),
@@ -87,8 +93,10 @@ def planners(
     if not scenes:
         raise typer.BadParameter("name at least one", param_hint="--scenes")
     from hgs_core.benchmark.planners.grid import GridRequest, plan_cells
+    from hgs_core.benchmark.planners.references import write_references
     from hgs_core.benchmark.planners.roster import COMPARED
     from hgs_core.benchmark.planners.run import run_grid
+    from hgs_core.mission.config import resolve_mission_config
 
     request = GridRequest(
         scenes=_listed(scenes),
@@ -98,8 +106,12 @@ def planners(
         overrides=parse_settings(settings or []),
         out=out,
     )
-    with ERRORS.status("opening the scenes"):
+    with ERRORS.status("opening the scenes") as opening:
         cells = plan_cells(request)
+        if reference:
+            config = resolve_mission_config(request.preset, request.overrides)
+            scenes_once = list({cell.scene.name: cell.scene for cell in cells}.values())
+            write_references(out, scenes_once, config, progress=opening.update)
     threads = max(cell.threads for cell in cells)
     with closing(_engine(engine, address, threads, jobs)) as chosen, ERRORS.status("starting") as status:
         teller = _Teller(status)

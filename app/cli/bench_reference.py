@@ -33,8 +33,8 @@ def reference(
     Exit codes: 0 found, 2 an option, preset or scene is wrong, or a level is more than can be seen.
     """
     overrides = parse_settings(settings or [])
-    from hgs_core.evaluation.ceiling import CeilingRequest
     from hgs_core.evaluation.full_knowledge import LEVELS, full_knowledge_path
+    from hgs_core.mission.ceiling import ceiling_request
     from hgs_core.mission.config import resolve_mission_config
     from hgs_core.native import kernels
     from hgs_core.scene.scene import open_scene
@@ -43,15 +43,7 @@ def reference(
     kernels.set_threads(config.threads)
     with ERRORS.status(f"opening {scene}") as status:
         world = open_scene(scene, radius_m=config.robot.radius_m, height_m=config.robot.height_m)
-        camera = config.sensor.camera
-        request = CeilingRequest(
-            start_xy=(world.start.x_m, world.start.y_m),
-            robot_radius_m=config.robot.radius_m,
-            robot_height_m=config.robot.height_m,
-            camera_height_m=camera.mount_height_m,
-            intrinsics=camera.intrinsics(),
-            range_m=camera.range_m,
-        )
+        request = ceiling_request(config, (world.start.x_m, world.start.y_m))
         found = full_knowledge_path(world.caster, request, levels=level or LEVELS, progress=status.update)
     _print(world.name, found)
     if json is not None:

@@ -15,7 +15,7 @@ from numpy import ndarray
 from pydantic import BaseModel, ConfigDict
 
 from hgs_core.errors import ConfigError
-from hgs_core.evaluation.ceiling import CeilingRequest, ObservableCeiling, observable_ceiling
+from hgs_core.evaluation.ceiling import ObservableCeiling, observable_ceiling
 from hgs_core.evaluation.held_out import held_out_poses, observed_masks
 from hgs_core.evaluation.images import masked_mean, psnr_db, ssim_map
 from hgs_core.evaluation.surface import surface_metrics
@@ -24,6 +24,7 @@ from hgs_core.gaussians.render import render
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mission.build import build_mapper
+from hgs_core.mission.ceiling import ceiling_request
 from hgs_core.mission.config import MissionConfig
 from hgs_core.native import kernels
 from hgs_core.scene.scene import Scene
@@ -126,17 +127,7 @@ def _varied(mapping: MappingConfig, changes: dict[str, Any], every: int) -> Mapp
 
 def _truth(config: MissionConfig, scene: Scene, taken: SE3, start_xy: tuple[float, float]) -> _Truth:
     camera = config.sensor.camera
-    ceiling = observable_ceiling(
-        scene.caster,
-        CeilingRequest(
-            start_xy=start_xy,
-            robot_radius_m=config.robot.radius_m,
-            robot_height_m=config.robot.height_m,
-            camera_height_m=camera.mount_height_m,
-            intrinsics=camera.intrinsics(),
-            range_m=camera.range_m,
-        ),
-    )
+    ceiling = observable_ceiling(scene.caster, ceiling_request(config, start_xy))
     poses = held_out_poses(ceiling.positions_m, camera_height_m=camera.mount_height_m)
     masks = observed_masks(
         scene.caster,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 
-from hgs_core.evaluation.ceiling import CeilingRequest, observable_ceiling
+from hgs_core.evaluation.ceiling import observable_ceiling
 from hgs_core.evaluation.completion_curve import CompletionTracker
 from hgs_core.evaluation.report_parts import CurvePoint
 from hgs_core.mapping.mapper import Mapper
+from hgs_core.mission.ceiling import ceiling_request
 from hgs_core.mission.clock import Clock
 from hgs_core.mission.config import MissionConfig
 from hgs_core.mission.events import (
@@ -56,21 +57,13 @@ class CurveRecorder:
 
         Raises `SceneError` when the start is not free.
         """
-        camera = config.sensor.camera
 
         def preparing(message: str) -> None:
             observer.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason=message))
 
         ceiling = observable_ceiling(
             scene.caster,
-            CeilingRequest(
-                start_xy=(scene.start.x_m, scene.start.y_m),
-                robot_radius_m=config.robot.radius_m,
-                robot_height_m=config.robot.height_m,
-                camera_height_m=camera.mount_height_m,
-                intrinsics=camera.intrinsics(),
-                range_m=camera.range_m,
-            ),
+            ceiling_request(config, (scene.start.x_m, scene.start.y_m)),
             progress=preparing,
         )
         return CurveRecorder(

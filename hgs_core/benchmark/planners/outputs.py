@@ -10,17 +10,18 @@ from hgs_core.benchmark.planners.curve_charts import Axis, curve_chart
 from hgs_core.benchmark.planners.latex import latex
 from hgs_core.benchmark.planners.markdown import markdown
 from hgs_core.benchmark.planners.pictures import draw_missing, draw_sheet
+from hgs_core.benchmark.planners.references import read_references
 from hgs_core.benchmark.planners.results import GridResults, results_csv
-from hgs_core.benchmark.planners.tables import ReferencePaths, all_tables
+from hgs_core.benchmark.planners.tables import all_tables
 
 CURVES: Final = "curves"
 
 
-def write_outputs(root: Path, reference_m: ReferencePaths | None = None) -> GridResults:
+def write_outputs(root: Path) -> GridResults:
     """`results.csv`, `tables.md`, `tables.tex`, `curves/` and `trajectories/` of the grid in `root`.
 
-    `reference_m`: for some scenes, lengths of full-knowledge paths, of which paths are then also given as
-    multiples. Raises `ConfigError` where `root` holds no grid, or a file of a cell is damaged.
+    Where `references/` holds a scene's path of full knowledge, paths are also given as multiples of it.
+    Raises `ConfigError` where `root` holds no grid, or a file of a cell is damaged.
     """
     results = GridResults.read(root)
     write_text(root / "results.csv", results_csv(results))
@@ -30,7 +31,7 @@ def write_outputs(root: Path, reference_m: ReferencePaths | None = None) -> Grid
         pictures += _write_curves(results, scene)
         sheet = draw_sheet(results, scene)
         pictures += [] if sheet is None else [str(sheet.relative_to(root))]
-    tables, lead = all_tables(results, reference_m), _lead(results)
+    tables, lead = all_tables(results, read_references(root, results.grid)), _lead(results)
     write_text(root / "tables.md", markdown("Planners compared", lead, tables, pictures))
     write_text(root / "tables.tex", latex(lead, tables))
     return results
