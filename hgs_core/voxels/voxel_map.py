@@ -182,18 +182,18 @@ class VoxelMap:
         return centres
 
     def observed_share(self, box: Box) -> float:
-        """lambda_o of HGS-Planner Eq. 10: observed voxels over observed + missing voxels in the box's
-        intersection with the map. (Never-visible insides are left out; 0 when nothing is observed.)
+        """lambda_o of HGS-Planner Eq. 10: observed voxels over all voxels where the box meets the map.
 
-        A voxel belongs to the box when its centre does.
+        Unknown rooms count whole, not by the voxels at their borders alone: these are so few that the share
+        would hardly ever leave 0.9. The insides of walls and furniture count, too, so that it stays below 1.
+        A voxel belongs to the box when its centre does; 0 where they do not meet.
         """
         size = self.config.size_m
         first = np.ceil(box.lower_m / size - 0.5).astype(np.int64) - self.origin_index
         last = np.ceil(box.upper_m / size - 0.5).astype(np.int64) - self.origin_index
         inside = tuple(slice(max(int(a), 0), max(int(b), 0)) for a, b in zip(first, last, strict=True))
-        observed = int(np.count_nonzero(self.states[inside]))
-        missing = int(np.count_nonzero(self.missing()[inside]))
-        return observed / (observed + missing) if observed else 0.0
+        states = self.states[inside]
+        return np.count_nonzero(states) / states.size if states.size else 0.0
 
     def state(self) -> dict[str, Any]:
         """Everything needed to go on: plain arrays and numbers."""
