@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +15,7 @@ from hgs_core.voxels.voxel_map import VoxelMap
 _SIGHT_STEP: Final = 0.7
 """Spacing of the samples along a line of sight, in voxels."""
 _LINES_AT_ONCE: Final = 50_000
-"""Lines of sight tested together: bounds the memory that a cycle takes."""
+"""Pairs of a view and a target looked at together: bounds the memory that a cycle takes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,17 +55,19 @@ def seen_by_yaw(
     A target is seen within the limits, in the field of view (by the panorama's bins) and when no `opaque`
     voxel lies on the line to it; the voxel that holds it may be opaque. Outside the map nothing is.
     """
-    shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
-    panoramas = np.zeros(np.prod(shape), np.float64)
-    for views, marks in _pairs_within(positions_m, targets, limits):
-        lines = targets.points_m[marks] - positions_m[views]
-        bins, visible = _panorama_bins(grid, lines)
+    panoramas = np.zeros((len(positions_m), grid.n_elevations, grid.n_azimuths), np.float32)
+    at_once = max(1, _LINES_AT_ONCE // max(len(targets.points_m), 1))
+    for first in range(0, len(positions_m), at_once):
+        part = panoramas[first : first + at_once]
+        from_m = positions_m[first : first + at_once]
+        views, marks = _pairs_within(from_m, targets, limits)
+        bins, visible = _panorama_bins(grid, targets.points_m[marks] - from_m[views])
         views, marks, bins = views[visible], marks[visible], bins[visible]
-        clear = is_clear(voxels, opaque, positions_m[views], targets.points_m[marks], far_m=limits.far_m)
-        flat = views[clear] * (grid.n_elevations * grid.n_azimuths) + bins[clear]
-        panoramas += np.bincount(flat, weights=targets.weights[marks[clear]], minlength=len(panoramas))
-    seen: Float32[ndarray, "n_views n_elevations n_azimuths"] = panoramas.reshape(shape).astype(np.float32)
-    return by_yaw(seen, grid.window())
+        clear = is_clear(voxels, opaque, from_m[views], targets.points_m[marks], far_m=limits.far_m)
+        flat = views[clear] * part[0].size + bins[clear]
+        seen = np.bincount(flat, weights=targets.weights[marks[clear]], minlength=part.size)
+        part[:] = seen.reshape(part.shape)
+    return by_yaw(panoramas, grid.window())
 
 
 def is_clear(
@@ -112,22 +113,18 @@ def _flat_cells(xyz: Float32[ndarray, "3 *n"], shape: tuple[int, ...]) -> Int32[
 
 
 def _pairs_within(
-    positions_m: Float[ndarray, "n_views 3"], targets: Targets, limits: SightLimits
-) -> Iterator[tuple[Int[ndarray, " n"], Int[ndarray, " n"]]]:
+    from_m: Float[ndarray, "n_views 3"], targets: Targets, limits: SightLimits
+) -> tuple[Int[ndarray, " n"], Int[ndarray, " n"]]:
     """Views and targets, as indices, that are near enough and face each other."""
-    if not len(targets.points_m) or not len(positions_m):
-        return
-    least = np.cos(limits.max_incidence_rad)
-    per_part = max(1, _LINES_AT_ONCE // len(targets.points_m))
-    for first in range(0, len(positions_m), per_part):
-        lines = targets.points_m[None] - positions_m[first : first + per_part, None]
-        away = np.linalg.norm(lines[..., :2] if limits.level else lines, axis=2)
-        facing = (away >= limits.near_m) & (away <= limits.far_m)
-        if targets.normals is not None:
-            away = np.linalg.norm(lines, axis=2)
-            facing &= np.einsum("vtk,tk->vt", lines, targets.normals) <= -least * away
-        views, marks = np.nonzero(facing)
-        yield views + first, marks
+    lines = targets.points_m[None] - from_m[:, None]
+    away = np.linalg.norm(lines[..., :2] if limits.level else lines, axis=2)
+    facing = (away >= limits.near_m) & (away <= limits.far_m)
+    if targets.normals is not None:
+        straight = np.linalg.norm(lines, axis=2)
+        least = np.cos(limits.max_incidence_rad)
+        facing &= np.einsum("vtk,tk->vt", lines, targets.normals) <= -least * straight
+    views, marks = np.nonzero(facing)
+    return views, marks
 
 
 def _panorama_bins(
