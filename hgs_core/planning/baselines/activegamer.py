@@ -57,17 +57,17 @@ class StageConfig(StrictConfig):
     """Edge of the lattice of places [m]."""
     directions: int = Field(ge=1)
     """Yaws at each place, evenly spread."""
+    hole_share: float = Field(gt=0, lt=1)
+    """Places whose views have holes in less than this share of their pixels leave the pool."""
 
 
 class ActiveGamerConfig(BaselineConfig):
     method: Literal["activegamer"] = "activegamer"
     stages: tuple[StageConfig, ...] = (
-        StageConfig(spacing_m=1.0, directions=5),
-        StageConfig(spacing_m=0.5, directions=15),
+        StageConfig(spacing_m=1.0, directions=5, hole_share=0.08),
+        StageConfig(spacing_m=0.5, directions=15, hole_share=0.02),
     )
     """Coarse to fine."""
-    hole_share: float = Field(0.02, gt=0, lt=1)
-    """Views with holes in less than this share of their pixels leave the pool."""
     distance_m: float = Field(1.5, gt=0)
     """Path length that counts as 1 in the softmax [m]."""
 
@@ -113,11 +113,9 @@ class HolePools:
             pool, nodes = self._pool(cycle, stage)
             views = [_at_directions(view, stage.directions) for view in cycle.score(pool)]
             shares = np.array([view.total_gain for view in views])
-            open_views = np.flatnonzero(shares >= self._config.hole_share)
-            self._done |= {nodes[i] for i in np.flatnonzero(shares < self._config.hole_share)}
-            rejected = [
-                view for view, share in zip(views, shares, strict=True) if share < self._config.hole_share
-            ]
+            open_views = np.flatnonzero(shares >= stage.hole_share)
+            self._done |= {nodes[i] for i in np.flatnonzero(shares < stage.hole_share)}
+            rejected = [view for view, share in zip(views, shares, strict=True) if share < stage.hole_share]
             if len(open_views):
                 away = np.array([cycle.distance_m(views[i].cell) for i in open_views])
                 best = int(
@@ -134,7 +132,8 @@ class HolePools:
         return Choice(
             stops=[],
             rejected=rejected,
-            reason=f"the pools are empty: no view has holes in {self._config.hole_share:.1%} of its pixels",
+            reason="the pools are empty: no view has holes in "
+            f"{self._config.stages[-1].hole_share:.1%} of its pixels",
         )
 
     def state(self) -> dict[str, Any]:

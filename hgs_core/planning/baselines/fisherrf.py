@@ -10,10 +10,11 @@ candidates are sampled over all free space, and the map is improved where it is 
 
 Not kept: the paper sums over a path however long it is, with a fixed number of steps to spend; here, where
 length is what counts, the sum is divided by the length driven (`base_length_m` added, so that turning on the
-spot is not free). The paper drops random Gaussians into unknown space, so that a view of it informs; here
-that is the coverage gain, in the same unit. A view's gain on the way does not know of those before it on the
-same path: they lie `step_m` apart, and a step's gain is cut to `share_of_goal` of the goal's own, so that no
-path is taken only because it is long. A mission ends when nothing is worth a view; the paper counts steps.
+spot is not free), and so is a goal's own gain when the best goals are picked. The paper drops random
+Gaussians into unknown space, so that a view of it informs; here that is the coverage gain, in the same unit.
+A view's gain on the way does not know of those before it on the same path: they lie `step_m` apart, and each
+is cut to `share_of_goal` of the goal's own, so that no path is taken only because it is long. A mission ends
+when nothing is worth a view; the paper counts steps.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class FisherRfConfig(BaselineConfig):
     """Views on the way are scored this far apart [m]."""
     share_of_goal: float = Field(0.2, ge=0)
     """A view on the way counts at most this share of the goal's gain."""
-    base_length_m: float = Field(1.5, gt=0)
+    base_length_m: float = Field(1.0, gt=0)
     """Added to a path's length before its gain is divided by it [m]: about what looking around once costs."""
 
 
@@ -111,8 +112,7 @@ class FisherPaths:
                 reason=f"no frontier is left, and none of {len(rejected)} places gains "
                 f"{config.information_threshold:.2f} of information, the best {best:.2f}",
             )
-        candidates.sort(key=lambda view: -view.total_gain)
-        ways = [self._way_to(cycle, goal) for goal in candidates[: config.n_paths]]
+        ways = [self._way_to(cycle, goal) for goal in self._promising(cycle, candidates)]
         worth = self._worth(cycle, ways)
         chosen = ways[int(np.argmax(worth))]
         reason = (
@@ -127,6 +127,14 @@ class FisherPaths:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Nothing to restore."""
+
+    def _promising(self, cycle: PlanningCycle, candidates: list[View]) -> list[View]:
+        """Those with the most information of their own for their distance."""
+
+        def per_metre(view: View) -> float:
+            return view.total_gain / (cycle.distance_m(view.cell) + self._config.base_length_m)
+
+        return sorted(candidates, key=per_metre, reverse=True)[: self._config.n_paths]
 
     def _sampled(self, cycle: PlanningCycle, rng: np.random.Generator) -> Int[ndarray, " n"]:
         places = np.flatnonzero(cycle.is_place)
