@@ -20,17 +20,22 @@ def presets(
         typer.Option("--set", metavar="KEY=VALUE", help="As in `hgs run`: show what it changes."),
     ] = None,
 ) -> None:
-    """List the mission presets, or print every setting of one: the keys that `--set` takes."""
+    """List mission presets and planners, or print every setting of a preset: the keys that `--set` takes."""
     if name is None:
         if settings:
             raise typer.BadParameter("name the preset that it changes", param_hint="--set")
-        table = Table("preset", "what it is")
-        for preset in preset_names("mission"):
-            table.add_row(preset, str(load_preset("mission", preset).get("description", "")))
-        OUTPUT.print(table)
+        _list("mission", "preset")
+        _list("planner", "planner (--planner)")
         return
     from hgs_core.mission.config import resolve_mission_config
 
     resolved = resolve_mission_config(name, parse_settings(settings or []))
     text = yaml.safe_dump(resolved.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
     typer.echo(text, nl=False)
+
+
+def _list(subject: str, heading: str) -> None:
+    table = Table(heading, "what it is")
+    for name in preset_names(subject):
+        table.add_row(name, str(load_preset(subject, name).get("description", "")))
+    OUTPUT.print(table)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hgs_core.config.presets import preset_names
+from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError
 from hgs_core.mission.config import resolve_mission_config
 
@@ -54,3 +54,16 @@ def test_a_wrong_override_names_field_value_and_rule(key: str, value: str, said:
 def test_an_unknown_preset_lists_what_there_is() -> None:
     with pytest.raises(ConfigError, match="paper"):
         resolve_mission_config("papre", {})
+
+
+@pytest.mark.parametrize("planner", preset_names("planner"))
+def test_another_planner_takes_the_place_of_the_presets(planner: str) -> None:
+    config = resolve_mission_config("quick", {"planner": planner, "planner.recheck_interval_s": "2"})
+    assert config.planner.recheck_interval_s == 2
+    assert config.mapping == resolve_mission_config("quick", {}).mapping
+    assert load_preset("planner", planner)["description"]
+
+
+def test_an_unknown_planner_lists_what_there_is() -> None:
+    with pytest.raises(ConfigError, match="naruto"):
+        resolve_mission_config("paper", {"planner": "narutto"})
