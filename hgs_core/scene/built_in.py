@@ -9,6 +9,7 @@ from hgs_core.errors import SceneError
 BUILT_IN_SCENES: Final = {
     "house": "five or six furnished rooms, about 100 m2",
     "building": "an office floor of two corridors and some thirty rooms, more than 1000 m2",
+    "warren": "one room or many, narrow corridors and doors, loops; the robot starts in a dead end",
 }
 
 

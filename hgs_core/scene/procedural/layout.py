@@ -110,8 +110,10 @@ def draw_layout(rng: np.random.Generator) -> Layout:
         wall_y = hall_y[1] if room.y[0] > hall_y[1] else hall_y[0] - WALL_M
         along = _span(room.x, rng.uniform(0.2, 0.8), 1.0)
         doorways.append(Doorway(rooms=(1, number), x=along, y=(wall_y, wall_y + WALL_M), across_x=False))
-    layout = Layout(rooms=tuple(rooms), doorways=tuple(doorways), windows=_windows(rooms, width, depth, rng))
-    layout = _shifted(layout, -width / 2, -depth / 2)
+    layout = Layout(
+        rooms=tuple(rooms), doorways=tuple(doorways), windows=windows_of(rooms, width, depth, rng)
+    )
+    layout = centred(layout, width, depth)
     if rng.random() < 0.5:
         layout = _mirrored_x(layout)
     if rng.random() < 0.5:
@@ -165,8 +167,10 @@ def draw_building(rng: np.random.Generator) -> Layout:
                 )
                 rooms.append(Room(role=_role(room_x[1] - room_x[0], rng), x=room_x, y=span))
     depth = rows[-1][1]
-    layout = Layout(rooms=tuple(rooms), doorways=tuple(doorways), windows=_windows(rooms, length, depth, rng))
-    return _shifted(layout, -length / 2, -depth / 2)
+    layout = Layout(
+        rooms=tuple(rooms), doorways=tuple(doorways), windows=windows_of(rooms, length, depth, rng)
+    )
+    return centred(layout, length, depth)
 
 
 def _cut(stretch: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
@@ -198,7 +202,8 @@ def _span(room: tuple[float, float], where: float, width: float) -> tuple[float,
     return lower, lower + width
 
 
-def _windows(rooms: list[Room], width: float, depth: float, rng: np.random.Generator) -> tuple[Window, ...]:
+def windows_of(rooms: list[Room], width: float, depth: float, rng: np.random.Generator) -> tuple[Window, ...]:
+    """Windows in the outer walls of a plan that reaches from 0 to `width` in x and to `depth` in y."""
     windows = []
     for number, room in enumerate(rooms):
         sides = [
@@ -227,6 +232,11 @@ def _windows(rooms: list[Room], width: float, depth: float, rng: np.random.Gener
                     Window(room=number, side=side, along=(middle - half, middle + half), z=(sill, 2.1))
                 )
     return tuple(windows)
+
+
+def centred(layout: Layout, width: float, depth: float) -> Layout:
+    """A plan that begins at 0, moved so that its middle lies there."""
+    return _shifted(layout, -width / 2, -depth / 2)
 
 
 def _shifted(layout: Layout, dx: float, dy: float) -> Layout:
