@@ -4,12 +4,13 @@ Jin et al., "GS-Planner: A Gaussian-Splatting-based Planning Framework for Activ
 Reconstruction", arXiv 2405.10142.
 
 Kept of the original:
-- a view's gain is the unobserved volume that it sees through the splats (HGS-Planner's Eq. 4 is taken from
-  there) and the reconstruction loss of what it sees, both at full weight whatever is known so far;
+- a view's gain is the unobserved volume that it sees through the splats and the reconstruction loss of what
+  it sees, both at full weight whatever is known so far;
 - viewpoints are sampled at random around the robot, at most 10 are scored a step, and the one with the
-  greatest utility is next: its gain, less the farther the way to it;
-- views that were worth a visit and not chosen go to a library; only when nothing sampled is worth one does
-  the robot turn to that. No order of visits is planned: this is what makes the greedy robot come back.
+  greatest utility is next: its gain, less the farther the way to it (here by the exponential that
+  next-best-view planners use since Bircher et al., ICRA 2016);
+- a library of views: those that were worth a visit and not chosen. Here the robot turns to it when nothing
+  sampled is worth a visit. No order of visits is planned: this is what makes the greedy robot come back.
 
 Not kept:
 - the loss is that of the newest image against the rendered one, cached in the voxels that the image shows.

@@ -21,7 +21,7 @@ Not kept:
   looks ahead: distances are horizontal (the floor is in view from 1.8 m on), and directions are yaws.
 
 Added: it ends by itself, not after a number of steps. Voxels of which little is left to learn are no
-targets; before nothing is left, all others are tried, as far as the camera sees.
+targets; before nothing is left, targets are drawn from all others, and looked for as far as the camera sees.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class NarutoConfig(BaselineConfig):
     """So many of the most uncertain voxels ..."""
     drawn_voxels: int = Field(300, ge=1)
     """... are drawn from to get so many targets."""
-    settled_uncertainty: float = Field(0.1, gt=0, lt=1)
+    settled_uncertainty: float = Field(0.3, gt=0, lt=1)
     """Voxels of less uncertainty than this are no targets (1 = nothing is known)."""
     reach_m: tuple[float, float] = (0.5, 2.0)
     """From how near and how far a target is looked at [m]."""
@@ -59,9 +59,9 @@ class NarutoConfig(BaselineConfig):
     """Spacing of the positions that may become a goal [m]."""
     last_spacing_m: float = Field(0.4, gt=0)
     """Their spacing in the last search, before nothing is left [m]."""
-    gain_threshold: float = Field(0.1, gt=0)
+    gain_threshold: float = Field(0.2, gt=0)
     """A look must see this much uncertainty (1 = the gain configuration's scale of coverage) ..."""
-    last_gain_threshold: float = Field(0.5, gt=0)
+    last_gain_threshold: float = Field(0.8, gt=0)
     """... and this much in the last search."""
     looks_per_goal: int = Field(10, ge=1)
     """At most so many directions are looked in from one goal."""
