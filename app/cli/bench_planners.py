@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import closing
 from enum import StrEnum
 from pathlib import Path
@@ -33,7 +34,8 @@ def planners(
     scenes: Annotated[
         list[str] | None,
         typer.Option(
-            help="house, building, NAME:SEED, or a mesh file; may be repeated, or a list by commas."
+            help="house, building, warren, NAME:SEED, NAME:FIRST-LAST, or a mesh file; may be repeated, or "
+            "a list by commas."
         ),
     ] = None,
     planners: Annotated[
@@ -99,7 +101,7 @@ def planners(
     from hgs_core.mission.config import resolve_mission_config
 
     request = GridRequest(
-        scenes=_listed(scenes),
+        scenes=_every_seed(_listed(scenes)),
         planners=_listed(planners or list(COMPARED)),
         seeds=_numbers(_listed(seeds or ["0", "1"])),
         preset=preset,
@@ -213,6 +215,21 @@ def _engine(name: EngineName, address: str, threads: int, jobs: int | None) -> E
 def _listed(values: list[str]) -> list[str]:
     """`a,b` and `c` as a, b, c."""
     return [part.strip() for value in values for part in value.split(",") if part.strip()]
+
+
+def _every_seed(scenes: list[str]) -> list[str]:
+    """`house:0-2` as house:0, house:1, house:2."""
+    every = []
+    for scene in scenes:
+        span = re.fullmatch(r"([a-z]+):(\d{1,6})-(\d{1,6})", scene)
+        if span is None:
+            every.append(scene)
+            continue
+        first, last = int(span[2]), int(span[3])
+        if last < first:
+            raise typer.BadParameter(f"{scene}: {last} comes before {first}", param_hint="--scenes")
+        every += [f"{span[1]}:{seed}" for seed in range(first, last + 1)]
+    return every
 
 
 def _numbers(values: list[str]) -> list[int]:

@@ -90,8 +90,14 @@ def test_scenes_are_the_built_in_ones_and_the_meshes_of_the_folder(service, tmp_
     scan.rename(scenes / scan.name)
     client = service("run_short", scenes_dir=scenes)
     found = {scene["name"]: scene for scene in client.get("/api/v1/scenes").json()}
-    assert list(found) == ["house", "building", "00800-TEEsavR23oF", "flat.glb"]
-    assert [scene["kind"] for scene in found.values()] == ["built-in", "built-in", "folder", "file"]
+    assert list(found) == ["house", "building", "warren", "00800-TEEsavR23oF", "flat.glb"]
+    assert [scene["kind"] for scene in found.values()] == [
+        "built-in",
+        "built-in",
+        "built-in",
+        "folder",
+        "file",
+    ]
     assert found["flat.glb"]["description"].startswith("A flat")
     mission = create(client, scene="flat.glb")
     record = client.app.state.service.get(mission).record

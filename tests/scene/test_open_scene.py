@@ -252,7 +252,7 @@ def test_a_start_that_cannot_be_used_is_replaced_and_stated(tmp_path, text, word
 
 
 def test_built_in_names():
-    assert list(scene_names()) == ["house", "building"]
+    assert list(scene_names()) == ["house", "building", "warren"]
     for name in scene_names():
         with pytest.raises(SceneError, match=f"expected {name} or {name}:SEED"):
             open_scene(f"{name}:blue")

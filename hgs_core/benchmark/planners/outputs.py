@@ -12,19 +12,22 @@ from hgs_core.benchmark.planners.markdown import markdown
 from hgs_core.benchmark.planners.pictures import draw_missing, draw_sheet
 from hgs_core.benchmark.planners.references import read_references
 from hgs_core.benchmark.planners.results import GridResults, results_csv
+from hgs_core.benchmark.planners.shortfalls import shortfalls
 from hgs_core.benchmark.planners.tables import all_tables
 
 CURVES: Final = "curves"
 
 
 def write_outputs(root: Path) -> GridResults:
-    """`results.csv`, `tables.md`, `tables.tex`, `curves/` and `trajectories/` of the grid in `root`.
+    """`results.csv`, `tables.md`, `tables.tex`, `shortfalls.md`, `curves/` and `trajectories/` of the grid in
+    `root`.
 
     Where `references/` holds a scene's path of full knowledge, paths are also given as multiples of it.
     Raises `ConfigError` where `root` holds no grid, or a file of a cell is damaged.
     """
     results = GridResults.read(root)
     write_text(root / "results.csv", results_csv(results))
+    write_text(root / "shortfalls.md", shortfalls(results) + "\n")
     draw_missing(results)
     pictures = []
     for scene in results.grid.scenes:

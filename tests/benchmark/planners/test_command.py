@@ -134,3 +134,11 @@ def test_wrong_use_is_told(
     assert result.exit_code == 2
     assert told in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_span_of_seeds_is_every_one_of_them(requests: list[GridRequest], tmp_path: Path) -> None:
+    options = ("--planners", "best", "--seeds", "0", "--out", tmp_path / "grid")
+    assert hgs("planners", "--scenes", "house,warren:3-5", *options).exit_code == 0
+    assert requests[0].scenes == ["house", "warren:3", "warren:4", "warren:5"]
+    assert (tmp_path / "grid" / "shortfalls.md").is_file()
+    assert hgs("planners", "--scenes", "warren:5-3", *options).exit_code == 2
