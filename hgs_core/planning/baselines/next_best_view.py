@@ -8,7 +8,7 @@ drop (without it none of them would be sure to end), and the answer for what sta
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -25,6 +25,7 @@ from hgs_core.planning.plan import (
     NothingLeft,
     Plan,
     PlanningTimes,
+    UnseenReason,
     UnseenRegion,
     on_floor,
 )
@@ -89,7 +90,7 @@ class NextBestViewPlanner:
         times = PlanningTimes(viewpoint_evaluation_s=scorer.elapsed_s, local_s=local_s, global_s=0.0)
         if not choice.stops:
             pursuit.drop()
-            unseen = self._survey.unseen(cycle)
+            unseen = tuple(_given_up(region) for region in self._survey.unseen(cycle))
             return NothingLeft(
                 unseen=unseen,
                 candidates=self._candidates(choice),
@@ -136,3 +137,10 @@ class NextBestViewPlanner:
         chosen = [view.as_candidate(CandidateStatus.SELECTED, z_m) for view in choice.stops]
         others = [view.as_candidate(CandidateStatus.BELOW_THRESHOLD, z_m) for view in choice.rejected]
         return (*chosen, *others)
+
+
+def _given_up(region: UnseenRegion) -> UnseenRegion:
+    """Subspaces that are still open when a policy finds nothing left were not worth a view to it."""
+    if region.reason is not UnseenReason.INTERRUPTED:
+        return region
+    return replace(region, reason=UnseenReason.BELOW_THRESHOLD)
