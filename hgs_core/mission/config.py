@@ -134,9 +134,7 @@ def _section(section: str, name: str) -> dict[str, Any]:
     """The preset of that name; for a planner without one, as those of other packages are, its defaults."""
     if section == "planner" and name not in preset_names(section) and name in planner_methods():
         return {"method": name}
-    content = load_preset(section, name)
-    content.pop("description", None)  # for whoever chooses, not a setting
-    return content
+    return load_preset(section, name)
 
 
 def _faults(error: ValidationError, source: str, within: tuple[str, ...] = ()) -> ConfigError:

@@ -45,14 +45,15 @@ def planner_method(name: str) -> PlannerMethod:
 
 
 def planner_config(content: Mapping[str, Any]) -> PlannerConfig:
-    """The settings of the planner that `content["method"]` names.
+    """The settings of the planner that `content["method"]` names. A `description` is for whoever chooses.
 
     Raises `ConfigError` for an unknown method and pydantic's `ValidationError` for wrong settings.
     """
     name = content.get("method")
     if not isinstance(name, str):
         raise ConfigError(f"planner.method = {name!r}: must be one of {', '.join(planner_methods())}")
-    return planner_method(name).config.model_validate(dict(content))
+    settings = {key: value for key, value in content.items() if key != "description"}
+    return planner_method(name).config.model_validate(settings)
 
 
 def build_planner(config: PlannerConfig, context: PlannerContext) -> Planner:
