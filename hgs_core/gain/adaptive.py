@@ -7,7 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from hgs_core.errors import PlanningError
-from hgs_core.gain.viewpoint import GainConfig, ViewGains
+from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, ViewGains
 
 
 def adaptive_gains(
@@ -29,7 +29,9 @@ def adaptive_gains(
     coverage = coverage if config.use_coverage else np.zeros_like(coverage)
     quality = quality if config.use_quality else np.zeros_like(quality)
     weight = observed_share if config.adaptive else 1.0
-    total = coverage / config.coverage_scale_m3 + weight * quality / config.quality_scale_m2
+    by_surface = config.coverage_measure is CoverageMeasure.SURFACE
+    scale = config.coverage_scale_m2 if by_surface else config.coverage_scale_m3
+    total = coverage / scale + weight * quality / config.quality_scale_m2
     return at_best_yaws(yaws_rad, coverage, quality, total)
 
 

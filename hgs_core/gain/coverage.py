@@ -22,8 +22,17 @@ def coverage_by_yaw(
     `volume`: unobserved volume in view, each part weighted with the transmittance before it [m^3]; the
     integral of `r^2 dr dOmega`, so the same at every resolution. `paper`: Eq. 4 as printed, summed over the
     image's pixels: voxel volume times transmittance, for each unobserved voxel on each pixel's ray; its size
-    grows with the camera's resolution. A voxel that was dismissed (looked at in vain) gains nothing.
+    grows with the camera's resolution.
+
+    `surface`: the surface to be expected [m^2], where unobserved space is as full of it as rooms are: of the
+    light that comes into it `exp(-length / free_path_m)` gets through, and what does not has met a surface
+    there. Unlike the volume it takes neither an open room for more than what bounds it nor a thin niche for
+    less: a unit of it is worth the same early and late.
+
+    A voxel that was dismissed (looked at in vain) gains nothing.
     """
+    if measure is CoverageMeasure.SURFACE:
+        return by_yaw(panoramas.new_surface_m2, window)
     if measure is CoverageMeasure.VOLUME:
         return by_yaw(panoramas.unseen_volume_m3, window)
     return by_yaw(panoramas.unseen_voxels, window) * (pixels_per_ray * voxel_volume_m3)

@@ -11,7 +11,7 @@ from hgs_core.gain.coverage import coverage_by_yaw
 from hgs_core.gain.field import GainField
 from hgs_core.gain.panorama import PanoramaGrid, march
 from hgs_core.gain.quality import FisherField, RaySample, as_area
-from hgs_core.gain.viewpoint import GainConfig, ViewGains
+from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, ViewGains
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
 
@@ -55,7 +55,14 @@ class PanoramaGainEvaluator:
         field = self._field_over(snapshot)
         near = field.chunks_near(positions_m, self._range_m)
         field.gather(snapshot, near)
-        panoramas = march(self._grid, field, positions_m, range_m=self._range_m)
+        surface = self.config.coverage_measure is CoverageMeasure.SURFACE
+        panoramas = march(
+            self._grid,
+            field,
+            positions_m,
+            range_m=self._range_m,
+            free_path_m=self.config.free_path_m if surface else np.inf,
+        )
         coverage = coverage_by_yaw(
             self._window,
             panoramas,

@@ -94,17 +94,28 @@ class Panoramas:
     """Unobserved volume, weighted with the transmittance before it."""
     unseen_voxels: Float32[ndarray, "n n_elevations n_azimuths"]
     """Unobserved voxels on the direction's ray, weighted likewise (the sum of Eq. 4 without `V`)."""
+    new_surface_m2: Float32[ndarray, "n n_elevations n_azimuths"]
+    """Surface expected in unobserved space, across the direction; 0 where that is taken to hide nothing."""
     entered: Bool[ndarray, "n_chunks_x n_chunks_y"]
     """The field's chunks that a ray came into, before it ended or as it did."""
 
 
 def march(
-    grid: PanoramaGrid, field: GainField, positions_m: Float[ndarray, "n 3"], *, range_m: float
+    grid: PanoramaGrid,
+    field: GainField,
+    positions_m: Float[ndarray, "n 3"],
+    *,
+    range_m: float,
+    free_path_m: float = np.inf,
 ) -> Panoramas:
-    """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance."""
+    """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance.
+
+    `free_path_m` is how far light comes in unobserved space, in the mean. Unless it is infinite, as in Eq. 4,
+    the other sums are weighted with what that leaves of the light, too.
+    """
     size_m = field.size_m
     shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
-    volume, voxels = (np.zeros(shape, np.float32) for _ in range(2))
+    volume, voxels, surface = (np.zeros(shape, np.float32) for _ in range(3))
     entered = np.zeros_like(field.is_gathered)
     if field.cells.size:
         kernels.march_panoramas(
@@ -114,12 +125,19 @@ def march(
             grid.tan_high,
             range_m / size_m,
             OPAQUE_BELOW,
+            size_m / free_path_m,
             volume,
             voxels,
+            surface,
             entered,
         )
     # The kernel measures in voxels.
-    return Panoramas(unseen_volume_m3=volume * np.float32(size_m**3), unseen_voxels=voxels, entered=entered)
+    return Panoramas(
+        unseen_volume_m3=volume * np.float32(size_m**3),
+        unseen_voxels=voxels,
+        new_surface_m2=surface * np.float32(size_m**2),
+        entered=entered,
+    )
 
 
 def by_yaw(

@@ -15,10 +15,12 @@ from hgs_core.mapping.snapshot import MapSnapshot
 
 
 class CoverageMeasure(StrEnum):
-    """`volume`: m^3 newly visible, the same at every resolution; `paper`: Eq. 4, summed over pixels."""
+    """`volume`: m^3 newly visible, the same at every resolution; `paper`: Eq. 4, summed over pixels;
+    `surface`: m^2 of surface to be expected in what is newly visible."""
 
     VOLUME = "volume"
     PAPER = "paper"
+    SURFACE = "surface"
 
 
 class GainConfig(StrictConfig):
@@ -27,6 +29,9 @@ class GainConfig(StrictConfig):
     method: str = "panorama"
     """Which evaluator: a name that `gain_methods()` lists."""
     coverage_measure: CoverageMeasure = CoverageMeasure.VOLUME
+    free_path_m: float = Field(0.8, gt=0)
+    """`surface` coverage alone: how far one sees into unobserved space, in the mean, until there is a
+    surface."""
     use_coverage: bool = True
     """False: quality alone (the paper's V3)."""
     use_quality: bool = True
@@ -38,6 +43,8 @@ class GainConfig(StrictConfig):
     `parameter_priors` for the other parameters. FisherRF uses 0.1 for all in active mapping."""
     coverage_scale_m3: float = Field(1.0, gt=0)
     """Newly visible volume that counts as 1."""
+    coverage_scale_m2: float = Field(1.0, gt=0)
+    """`surface` coverage: expected new surface that counts as 1."""
     quality_scale_m2: float = Field(50.0, gt=0)
     """Surface seen once more as well as before that counts as 1."""
     quality_saturation_m: float = Field(0.0, ge=0)
@@ -67,7 +74,7 @@ class ViewGains:
 
     yaws_rad: Float[ndarray, " n_yaws"]
     coverage_by_yaw: Float[ndarray, "n n_yaws"]
-    """[m^3], or the paper's pixel sum; [m^2] by the evaluator `surface`."""
+    """[m^3], or the paper's pixel sum; [m^2] of `surface` coverage, and by the evaluator `surface`."""
     quality_by_yaw: Float[ndarray, "n n_yaws"]
     """[m^2] of surface seen once more as well as before."""
     total_by_yaw: Float[ndarray, "n n_yaws"]

@@ -209,6 +209,29 @@ void bind_grid_search(nb::module_& m) {
       "Indices of points at least a spacing apart, taken in the given order.");
 
   m.def(
+      "improve_latency",
+      [](Grid<double> cost, Vector<double> weights, double whole_way, int max_sweeps, Vector<int32_t> order) {
+        const size_t n = cost.shape(0);
+        if (cost.shape(1) != n || weights.shape(0) != n || order.shape(0) + 1 != n) {
+          throw std::invalid_argument("costs, weights and order differ in length");
+        }
+        for (size_t k = 0; k + 1 < n; ++k)
+          if (order.data()[k] < 1 || order.data()[k] >= static_cast<int32_t>(n)) throw std::out_of_range("order");
+        auto improved = std::make_unique<int32_t[]>(n - 1);
+        std::copy_n(order.data(), n - 1, improved.get());
+        double latency = 0.0;
+        {
+          nb::gil_scoped_release release;
+          latency = hgs::improve_latency(cost.data(), weights.data(), static_cast<int>(n), whole_way, max_sweeps,
+                                         improved.get());
+        }
+        const size_t shape[1] = {n - 1};
+        return std::make_tuple(owned(std::move(improved), shape), latency);
+      },
+      nb::arg("cost"), nb::arg("weights"), nb::arg("whole_way"), nb::arg("max_sweeps"), nb::arg("order"),
+      "An order of places 1.. improved by local search for early, weighted arrivals, and its latency.");
+
+  m.def(
       "open_tour",
       [](Grid<double> cost, int fixed_end) {
         const size_t n = cost.shape(0);

@@ -43,7 +43,7 @@ void gather_gain(const Grid& grid, const GridPlace& place, const GaussianRows& m
                  float min_opacity, const GainField& field);
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
-                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels,
+                     const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* new_surface,
                      std::uint8_t* entered);
 
 // sums[i, k] = sum over e, m of window[e, m] * panoramas[i, e, (k + m) mod n_azimuth].

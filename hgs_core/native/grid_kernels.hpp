@@ -74,4 +74,10 @@ int throw_darts(const double* points, const int64_t* order, int n_points, const 
 // n x n, may be asymmetric. Exact (Held-Karp) up to 11 further nodes, else multi-start 2-opt and Or-opt.
 double open_tour(const double* cost, int n, int fixed_end, int32_t* order);
 
+// Improves an order of the places 1 .. n_all - 1, begun from place 0: one place moved elsewhere or a stretch reversed,
+// the best of all such moves at a time, until none makes `sum_k weights[k] arrival[k] + whole_way last_arrival` less.
+// Returns that.
+double improve_latency(const double* cost, const double* weights, int n_all, double whole_way, int max_sweeps,
+                       int32_t* order);
+
 }  // namespace hgs

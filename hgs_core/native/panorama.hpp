@@ -27,6 +27,7 @@ struct Panorama {
   double tan_low, tan_high;  // of the elevations at the lower and upper edge
   double range;              // horizontal, in cells
   double opaque_below;       // a ray ends where less than this is left of it
+  double unseen_depth;       // optical depth of a cell of unseen voxels over one edge length; 0: they hide nothing
 };
 
 // Rays from one place, each to `range` of horizontal distance.
@@ -37,9 +38,10 @@ struct PanoramaRays {
   int n;
 };
 
-// Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, and their number weighted with T.
+// Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, their number weighted with T, and
+// the integral of t^2 over what unseen voxels take of the light.
 struct PanoramaSums {
-  float *volume, *voxels;
+  float *volume, *voxels, *surface;
   std::uint8_t* entered;  // (chunks_x, chunks_y): set for chunks of columns that a ray comes into
 };
 

@@ -24,6 +24,7 @@ HGS_INLINE void note_chunks(const RayWalk& walk, std::int32_t chunks_y, VInt& ch
 static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, const Panorama& panorama,
                        const PanoramaSums& sums) {
   const float opaque_below = static_cast<float>(panorama.opaque_below);
+  const float unseen_depth = static_cast<float>(panorama.unseen_depth);
   const float* channels = &grid.cells->optical_depth;
   const VFloat infinite = splat_all(__builtin_inff());
   for (int first = 0; first < rays.n; first += LANES) {
@@ -38,7 +39,7 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
     const VFloat length = load(padded[3]);
     RayWalk walk(rays.from, load(padded[0]), load(padded[1]), load(padded[2]), grid.shape, VFloat{},
                  length > 0.0f ? splat_all(1.0f) : splat_all(-1.0f));
-    VFloat left = splat_all(1.0f), volume{}, voxels{};
+    VFloat left = splat_all(1.0f), volume{}, voxels{}, surface{};
     VInt chunk = VInt{} - 1;
     note_chunks(walk, grid.chunks_y, chunk, sums.entered);
     while (any(walk.active)) {
@@ -51,6 +52,12 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
         const VFloat added = adds ? left : VFloat{};
         volume += added * (t_leave * t_leave * t_leave - t_enter * t_enter * t_enter);
         voxels += added;
+        if (unseen_depth > 0.0f) {
+          const VFloat through = vexp(-unseen_depth * (t_leave - t_enter) * length);
+          const VFloat middle = 0.5f * (t_enter + t_leave);
+          surface += added * (1.0f - through) * (middle * middle);
+          left = adds ? left * through : left;
+        }
       }
       if (any(optical_depth > 0.0f)) {
         const VInt opaque = optical_depth == infinite;
@@ -65,6 +72,7 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
     for (int lane = 0; lane < n; ++lane) {
       sums.volume[first + lane] = volume[lane];
       sums.voxels[first + lane] = voxels[lane];
+      sums.surface[first + lane] = surface[lane];
     }
   }
 }

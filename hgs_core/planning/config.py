@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Literal
 
 from pydantic import Field
@@ -33,14 +32,6 @@ class PlannerConfig(StrictConfig):
     memory: ViewMemoryConfig = ViewMemoryConfig()
 
 
-class VisitOrder(StrEnum):
-    """`tour`: the shortest way over the views nearby, then the rest (the paper); `gain_first`: all together,
-    and what gains much comes early (`least_latency_order`)."""
-
-    TOUR = "tour"
-    GAIN_FIRST = "gain_first"
-
-
 class HierarchicalConfig(PlannerConfig):
     """Settings of `HierarchicalPlanner` (HGS-Planner section III-D)."""
 
@@ -50,10 +41,6 @@ class HierarchicalConfig(PlannerConfig):
     stop."""
     abandon_share: float = Field(0.5, gt=0, le=1)
     """A view on the way is given up when its gain fell below this share of the threshold."""
-    order: VisitOrder = VisitOrder.TOUR
-    """In which order views are visited."""
-    urgency: float = Field(0.5, gt=0, le=1)
-    """With `gain_first`: how much the mean time until gains come counts, and how little the whole way's."""
     roadmap: RoadmapConfig = RoadmapConfig()
     global_level: GlobalConfig = GlobalConfig()
     local_level: LocalConfig = LocalConfig()

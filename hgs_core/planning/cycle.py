@@ -13,7 +13,7 @@ from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import ReachField
-from hgs_core.planning.subspaces import MissingColumns
+from hgs_core.planning.subspaces import MissingColumns, SubspacePartition
 from hgs_core.planning.views import View, ViewScorer
 from hgs_core.robot.robot import RobotState
 
@@ -30,6 +30,7 @@ class PlanningCycle:
     """Cells where a viewpoint may be: reachable, inside the region."""
     horizon: Box
     missing: MissingColumns
+    partition: SubspacePartition
     observed_share: float
     preferred_clearance_m: float
     scorer: ViewScorer

@@ -20,11 +20,10 @@ import numpy as np
 from hgs_core.gain.registry import build_evaluator
 from hgs_core.gain.viewpoint import GainEvaluator
 from hgs_core.mapping.snapshot import MapSnapshot
-from hgs_core.planning.config import HierarchicalConfig, VisitOrder
+from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import first_exit, join_views
 from hgs_core.planning.global_planner import GlobalPlanner, GlobalTour
-from hgs_core.planning.latency import least_latency_order
 from hgs_core.planning.local_planner import LocalPlanner, LocalViews
 from hgs_core.planning.plan import (
     Candidate,
@@ -37,13 +36,11 @@ from hgs_core.planning.plan import (
 )
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.roadmap import Roadmap
+from hgs_core.planning.subspace_views import SubspaceViews
 from hgs_core.planning.survey import PlannerContext, Survey
 from hgs_core.planning.views import View
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
-
-_STOPS_AHEAD = 8
-"""Planned so far ahead when what gains most comes first; the rest belongs to later plans."""
 
 
 class HierarchicalPlanner:
@@ -57,10 +54,12 @@ class HierarchicalPlanner:
         self._scorer = self._survey.scorer
         self._global = GlobalPlanner(
             config.global_level,
-            partition=self._partition,
+            views=SubspaceViews(
+                config.global_level,
+                gain_threshold=config.gain_threshold,
+                camera_range_m=context.camera_range_m,
+            ),
             roadmap=Roadmap(config.roadmap),
-            gain_threshold=config.gain_threshold,
-            camera_range_m=context.camera_range_m,
         )
         self._local = LocalPlanner(config.local_level, context.robot, gain_threshold=config.gain_threshold)
 
@@ -71,8 +70,7 @@ class HierarchicalPlanner:
         cycle = self._survey.cycle(snapshot, robot)
         self._survey.remember_views_taken(cycle)
         self._global.roadmap.grow(cycle.grid, cycle.reach, rng)
-        gain_first = self.config.order is VisitOrder.GAIN_FIRST
-        tour = self._global.tour(cycle, rng, whole_map=False, ordered=not gain_first)
+        tour = self._global.tour(cycle, rng, whole_map=False)
         global_s = time.perf_counter() - began - self._scorer.elapsed_s
 
         local = self._local.select(
@@ -80,23 +78,17 @@ class HierarchicalPlanner:
             rng,
             crossing_cell=self._crossing_cell(cycle, tour),
             carried_m=self._pursuit.views_ahead_m(),
-            suggested=tour.in_horizon,
+            suggested=tour.open.in_horizon,
         )
         if not local.tour and not tour.goals:
             # Before giving up: every open subspace of the whole map, scored anew.
-            self._global.forget_views()
-            again = self._global.tour(cycle, rng, whole_map=True, ordered=not gain_first)
+            self._global.views.forget()
+            again = self._global.tour(cycle, rng, whole_map=True)
             tour = self._merged(tour, again)
-            ordered = self._local.order(cycle, tour.in_horizon, None, None)
+            ordered = self._local.order(cycle, tour.open.in_horizon, None, None)
             local = LocalViews(tour=ordered, rejected=local.rejected, crossing=None)
-        if gain_first:
-            stops = self._gain_first(cycle, [*local.tour, *tour.goals])
-            path = join_views(cycle, stops)
-            tour_m = path.positions_m
-        else:
-            stops = [*local.tour, *tour.goals[:1]]
-            path = self._path(cycle, tour, stops)
-            tour_m = np.concatenate([cycle.robot_xy_m[None], tour.polyline_m])
+        stops = [*local.tour, *tour.goals[:1]]
+        path = self._path(cycle, tour, stops)
         local_s = time.perf_counter() - began - global_s - self._scorer.elapsed_s
         times = PlanningTimes(
             viewpoint_evaluation_s=self._scorer.elapsed_s, local_s=local_s, global_s=global_s
@@ -111,7 +103,7 @@ class HierarchicalPlanner:
             path=path,
             candidates=self._candidates(tour, local),
             subspaces=self._partition.listing(),
-            global_tour_m=on_floor(tour_m),
+            global_tour_m=on_floor(np.concatenate([cycle.robot_xy_m[None], tour.polyline_m])),
             local_path_m=on_floor(path.positions_m),
             horizon=cycle.horizon,
             observed_share=cycle.observed_share,
@@ -127,16 +119,14 @@ class HierarchicalPlanner:
         blocked = self._pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
         if blocked is not None or not self._pursuit.recheck_due(robot.timestamp_s):
             return blocked
-        ahead = np.flatnonzero(np.isfinite(plan.path.yaws_rad[waypoints_passed:])) + waypoints_passed
-        if not len(ahead):
+        ahead = self._survey.next_view(snapshot, robot, plan.path, waypoints_passed)
+        if ahead is None:
             return None
-        place, yaw = plan.path.positions_m[ahead[0]], float(plan.path.yaws_rad[ahead[0]])
-        share = self._survey.observed_share(snapshot, robot)
-        (view,) = self._scorer.score(snapshot, place[None], [-1], share)
+        view, yaw = ahead
         gain = view.gain_at(yaw)
         if gain >= self.config.abandon_share * self.config.gain_threshold:
             return None
-        self._global.forget_view_at(place)
+        self._global.views.forget_at(view.xy_m)
         return f"target already seen: only gain {gain:.2f} is left of it"
 
     def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
@@ -163,20 +153,9 @@ class HierarchicalPlanner:
     @staticmethod
     def _merged(before: GlobalTour, after: GlobalTour) -> GlobalTour:
         """The second tour of a cycle, with what the first one rejected."""
-        after.rejected = before.rejected + after.rejected
-        after.unreachable = before.unreachable + after.unreachable
+        after.open.rejected = before.open.rejected + after.open.rejected
+        after.open.unreachable = before.open.unreachable + after.open.unreachable
         return after
-
-    def _gain_first(self, cycle: PlanningCycle, views: list[View]) -> list[View]:
-        """All views, near and far, in the order that gains most early; the first few of them."""
-        if not views:
-            return []
-        ahead_m = self._pursuit.views_ahead_m()
-        next_m = ahead_m[0] if len(ahead_m) else None
-        costs = self._local.committed_times_s(cycle, views, next_m)
-        gains = np.array([view.total_gain for view in views])
-        order = least_latency_order(costs, gains, urgency=self.config.urgency)
-        return [views[k - 1] for k in order[:_STOPS_AHEAD].tolist()]
 
     @staticmethod
     def _path(cycle: PlanningCycle, tour: GlobalTour, stops: list[View]) -> Path:
@@ -195,21 +174,9 @@ class HierarchicalPlanner:
         candidates = [view.as_candidate(CandidateStatus.SELECTED, z_m) for view in selected]
         if local.crossing is not None:
             candidates.append(local.crossing.as_candidate(CandidateStatus.CROSSING, z_m))
-        rejected = [*local.rejected, *tour.rejected]
+        rejected = [*local.rejected, *tour.open.rejected]
         candidates += [view.as_candidate(CandidateStatus.BELOW_THRESHOLD, z_m) for view in rejected]
-        candidates += [
-            Candidate(
-                x_m=float(middle[0]),
-                y_m=float(middle[1]),
-                z_m=z_m,
-                yaw_rad=0.0,
-                coverage_gain=0.0,
-                quality_gain=0.0,
-                total_gain=0.0,
-                status=CandidateStatus.UNREACHABLE,
-            )
-            for middle in tour.unreachable
-        ]
+        candidates += [Candidate.unreachable(middle, z_m) for middle in tour.open.unreachable]
         return tuple(candidates)
 
     def _explain(self, cycle: PlanningCycle, tour: GlobalTour, local: LocalViews, path: Path) -> str:
@@ -222,7 +189,7 @@ class HierarchicalPlanner:
         else:
             parts.append("nothing nearby is worth a stop")
         if tour.goals:
-            n_open = len(tour.goals) + tour.n_waiting
+            n_open = len(tour.goals) + tour.open.n_waiting
             parts.append(
                 f"then {n_open} unfinished subspaces farther away"
                 if local.tour

@@ -9,13 +9,12 @@ fault.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from hgs_core.errors import PlanningError
+from hgs_core.native import kernels
 
 _MAX_SWEEPS = 60
 """Improvements of one start: each takes the best of all moves, so that few are needed."""
@@ -28,9 +27,9 @@ def least_latency_order(
 
     `A` is the mean time of arrival, weighed by gain, `L` the time of the last arrival. `costs[a, b]` is the
     time from place `a` to place `b`, finite, and may be asymmetric; `gains[k]`, not negative, belongs to
-    place `k + 1`. Local search (one place moved elsewhere, or a stretch reversed; the best of all moves each
-    time) from two starts: nearest first, and most gain for the time first. Deterministic. Raises
-    `PlanningError` for a cost that is not finite.
+    place `k + 1`. Local search (one place moved elsewhere, or a stretch reversed; the best of all
+    moves each time) from two starts: nearest first, and most gain for the time first.
+    Deterministic. Raises `PlanningError` for a cost that is not finite.
     """
     n = len(gains)
     if costs.shape != (n + 1, n + 1) or not np.all(np.isfinite(costs)):
@@ -44,7 +43,7 @@ def least_latency_order(
     whole_way = 1.0 - urgency
     starts = [_greedy(costs, np.ones(n + 1)), _greedy(costs, weights)]
     improved = [_improved(costs, weights, start, whole_way) for start in starts]
-    return min(improved, key=lambda order: _latencies(costs, weights, order[None], whole_way)[0])
+    return min(improved, key=lambda one: one[0])[1]
 
 
 def _greedy(costs: Float[ndarray, "m m"], weights: Float[ndarray, " m"]) -> Int[ndarray, " n"]:
@@ -59,38 +58,8 @@ def _greedy(costs: Float[ndarray, "m m"], weights: Float[ndarray, " m"]) -> Int[
 
 def _improved(
     costs: Float[ndarray, "m m"], weights: Float[ndarray, " m"], order: Int[ndarray, " n"], whole_way: float
-) -> Int[ndarray, " n"]:
-    moves = _moves(len(order))
-    best = _latencies(costs, weights, order[None], whole_way)[0]
-    for _ in range(_MAX_SWEEPS):
-        tried = order[moves]
-        latencies = _latencies(costs, weights, tried, whole_way)
-        k = int(np.argmin(latencies))
-        if latencies[k] >= best * (1.0 - 1e-9):
-            break
-        order, best = tried[k], latencies[k]
-    return order
-
-
-@lru_cache(maxsize=64)
-def _moves(n: int) -> Int[ndarray, "n_moves n"]:
-    """Every reversal of a stretch and every move of one place, as permutations."""
-    moves = []
-    for a in range(n):
-        for b in range(n):
-            if a == b:
-                continue
-            rest = [k for k in range(n) if k != a]
-            moves.append([*rest[:b], a, *rest[b:]])
-            if b > a + 1:
-                moves.append([*range(a), *range(b, a - 1, -1), *range(b + 1, n)])
-    return np.array(moves)
-
-
-def _latencies(
-    costs: Float[ndarray, "m m"], weights: Float[ndarray, " m"], orders: Int[ndarray, "k n"], whole_way: float
-) -> Float[ndarray, " k"]:
-    before = np.concatenate([np.zeros((len(orders), 1), orders.dtype), orders[:, :-1]], axis=1)
-    arrival = np.cumsum(costs[before, orders], axis=1)
-    latencies: Float[ndarray, " k"] = np.sum(weights[orders] * arrival, axis=1) + whole_way * arrival[:, -1]
-    return latencies
+) -> tuple[float, Int[ndarray, " n"]]:
+    improved, latency = kernels.improve_latency(
+        np.ascontiguousarray(costs, np.float64), weights, whole_way, _MAX_SWEEPS, order.astype(np.int32)
+    )
+    return latency, improved.astype(np.int64)

@@ -21,10 +21,10 @@ from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.planning.cycle import PlanningCycle
-from hgs_core.planning.path_search import pairwise_costs
 from hgs_core.planning.sampling import poisson_disk
 from hgs_core.planning.tours import open_tour
-from hgs_core.planning.views import View, turn_rad
+from hgs_core.planning.travel_times import TravelTimes
+from hgs_core.planning.views import View
 from hgs_core.robot.robot import RobotConfig
 
 
@@ -63,8 +63,7 @@ class LocalPlanner:
     def __init__(self, config: LocalConfig, robot: RobotConfig, *, gain_threshold: float) -> None:
         self.config = config
         self._gain_threshold = gain_threshold
-        self._speed_mps = robot.max_speed_mps
-        self._turn_rate_radps = np.radians(robot.max_turn_rate_degps)
+        self._travel = TravelTimes(robot)
 
     def select(
         self,
@@ -162,59 +161,6 @@ class LocalPlanner:
         if not selected:
             return []
         stops = [*selected, crossing] if crossing is not None else selected
-        costs = self.committed_times_s(cycle, stops, next_m)
+        costs = self._travel.committed_times_s(cycle, stops, next_m, self.config.commitment_s)
         order = open_tour(costs, fixed_end=len(stops) if crossing is not None else None)
         return [stops[k - 1] for k in order[1:] if k <= len(selected)]
-
-    def committed_times_s(
-        self, cycle: PlanningCycle, stops: list[View], next_m: Float[ndarray, " 2"] | None
-    ) -> Float[ndarray, "n n"]:
-        """`times_s`, but the place that was to come next is a little nearer to the robot."""
-        costs = self.times_s(cycle, stops)
-        if next_m is not None:
-            for k, view in enumerate(stops):
-                if np.hypot(*(view.xy_m - next_m)) <= cycle.grid.size_m:
-                    costs[0, k + 1] = max(0.0, costs[0, k + 1] - self.config.commitment_s)
-        return costs
-
-    def times_s(self, cycle: PlanningCycle, stops: list[View]) -> Float[ndarray, "n n"]:
-        """Seconds between every two of the robot's pose (row 0) and the stops."""
-        robot = cycle.robot_xy_m
-        at_robot = np.array([bool(np.all(view.xy_m == robot)) for view in stops])
-        away = np.array(
-            [0.0 if at else cycle.distance_m(view.cell) for view, at in zip(stops, at_robot, strict=True)]
-        )
-        n = len(stops)
-        drive = np.zeros((n + 1, n + 1))
-        drive[0, 1:] = drive[1:, 0] = away
-        placed = np.flatnonzero(~at_robot)
-        drive[np.ix_(placed + 1, placed + 1)] = pairwise_costs(
-            cycle.grid, np.array([stops[k].cell for k in placed], dtype=np.int64)
-        )
-        for k in np.flatnonzero(at_robot):
-            drive[k + 1, 1:] = drive[1:, k + 1] = away
-        drive = np.minimum(drive, _by_way_of_robot(away))
-        places = np.stack([robot, *(view.xy_m for view in stops)])
-        yaws = [cycle.robot.yaw_rad, *(view.yaw_rad for view in stops)]
-        times = drive / self._speed_mps
-        for a in range(n + 1):
-            for b in range(1, n + 1):
-                times[a, b] += self._turning_s(places[a], yaws[a], places[b], yaws[b])
-        return times
-
-    def _turning_s(
-        self, start: Float[ndarray, " 2"], yaw_start: float, end: Float[ndarray, " 2"], yaw_end: float
-    ) -> float:
-        dx, dy = end - start
-        if np.hypot(dx, dy) < 0.05:
-            return turn_rad(yaw_start, yaw_end) / self._turn_rate_radps
-        bearing = float(np.arctan2(dy, dx))
-        return (turn_rad(yaw_start, bearing) + turn_rad(bearing, yaw_end)) / self._turn_rate_radps
-
-
-def _by_way_of_robot(away: Float[ndarray, " n"]) -> Float[ndarray, "m m"]:
-    """Costs by way of the robot's place, which joins everything that is reachable."""
-    from_robot = np.concatenate([[0.0], away])
-    sums: Float[ndarray, "m m"] = from_robot[:, None] + from_robot[None, :]
-    np.fill_diagonal(sums, 0.0)
-    return sums

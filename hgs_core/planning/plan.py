@@ -58,6 +58,20 @@ class Candidate:
     total_gain: float
     status: CandidateStatus
 
+    @staticmethod
+    def unreachable(middle_m: Float[ndarray, " 2"], z_m: float) -> Candidate:
+        """What is missing around `middle_m`, and no reachable place can look at."""
+        return Candidate(
+            x_m=float(middle_m[0]),
+            y_m=float(middle_m[1]),
+            z_m=z_m,
+            yaw_rad=0.0,
+            coverage_gain=0.0,
+            quality_gain=0.0,
+            total_gain=0.0,
+            status=CandidateStatus.UNREACHABLE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Subspace:

@@ -24,7 +24,8 @@ from hgs_core.planning.plan import UnseenRegion
 from hgs_core.planning.pursuit import Pursuit
 from hgs_core.planning.subspaces import SubspacePartition, horizon_around
 from hgs_core.planning.unseen import unseen_regions
-from hgs_core.planning.views import ViewMemory, ViewScorer
+from hgs_core.planning.views import View, ViewMemory, ViewScorer
+from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig, RobotState
 
 
@@ -84,6 +85,7 @@ class Survey:
             is_place=reach.reachable & self._in_region(grid),
             horizon=horizon,
             missing=self.partition.update(voxels),
+            partition=self.partition,
             observed_share=voxels.observed_share(horizon),
             preferred_clearance_m=self.config.navigation.preferred_clearance_m,
             scorer=self.scorer,
@@ -103,6 +105,18 @@ class Survey:
         """lambda_o about the robot (HGS-Planner Eq. 10), without a whole survey."""
         here = np.array([robot.x_m, robot.y_m])
         return snapshot.voxels.observed_share(horizon_around(here, self._horizon_m, snapshot.voxels))
+
+    def next_view(
+        self, snapshot: MapSnapshot, robot: RobotState, path: Path, waypoints_passed: int
+    ) -> tuple[View, float] | None:
+        """The next view on the path as the newest maps see it, and its yaw; None where none is ahead."""
+        ahead = np.flatnonzero(np.isfinite(path.yaws_rad[waypoints_passed:])) + waypoints_passed
+        if not len(ahead):
+            return None
+        place, yaw = path.positions_m[ahead[0]], float(path.yaws_rad[ahead[0]])
+        share = self.observed_share(snapshot, robot)
+        (view,) = self.scorer.score(snapshot, place[None], [-1], share)
+        return view, yaw
 
     def unseen(self, cycle: PlanningCycle) -> tuple[UnseenRegion, ...]:
         """What stays unseen if nothing more is done, and why."""

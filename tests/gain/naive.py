@@ -36,10 +36,12 @@ def directions(grid: PanoramaGrid, row: int, column: int) -> tuple[float, float]
 
 
 def march_one(
-    grid: PanoramaGrid, field: GainField, position_m: ndarray, *, size_m: float, range_m: float
-) -> tuple[ndarray, ndarray]:
-    """Unseen volume [m^3] and unseen voxels of one viewpoint: (n_elevations, n_azimuths) each."""
-    results = np.zeros((2, grid.n_elevations, grid.n_azimuths))
+    grid: PanoramaGrid, field: GainField, position_m: ndarray, *, range_m: float, free_path_m: float
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Unseen volume [m^3], unseen voxels and new surface [m^2] of one viewpoint: (n_elevations, n_azimuths)
+    each."""
+    size_m = field.size_m
+    results = np.zeros((3, grid.n_elevations, grid.n_azimuths))
     solid = grid.azimuth_step_rad * (grid.tan_high - grid.tan_low) / grid.n_elevations
     start = position_m / size_m - field.first_index
     for row in range(grid.n_elevations):
@@ -52,11 +54,15 @@ def march_one(
                 rho = np.array([a, b]) * range_m
                 if left < OPAQUE_BELOW:
                     break
+                length = (b - a) * np.linalg.norm(end - start)
                 if unseen:
+                    met = 1.0 - np.exp(-length * size_m / free_path_m)
                     results[0, row, column] += left * solid * (rho[1] ** 3 - rho[0] ** 3) / 3
                     results[1, row, column] += left
-                left *= np.exp(-depth * (b - a) * np.linalg.norm(end - start))
-    return results[0], results[1]
+                    results[2, row, column] += left * met * solid * rho.mean() ** 2
+                    left *= 1.0 - met
+                left *= np.exp(-depth * length)
+    return results[0], results[1], results[2] * np.isfinite(free_path_m)
 
 
 def gathered(

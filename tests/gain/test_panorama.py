@@ -30,20 +30,23 @@ def random_field(rng: np.random.Generator) -> GainField:
     )
 
 
-@given(seed=st.integers(0, 10_000))
-@settings(max_examples=12)
-def test_the_march_is_that_of_the_oracle(seed: int) -> None:
+@given(seed=st.integers(0, 10_000), free_path_m=st.sampled_from([np.inf, 0.8, 0.07]))
+@settings(max_examples=16)
+def test_the_march_is_that_of_the_oracle(seed: int, free_path_m: float) -> None:
     rng = np.random.default_rng(seed)
     field, size, range_m = random_field(rng), 0.1, 1.1
     grid = PanoramaGrid.for_camera(CAMERA, n_azimuths=24, n_elevations=8)
     low = field.first_index * size
     positions = low + rng.uniform(-0.2, 1.2, (3, 3)) * size * np.array(field.cells.shape[:3])
-    panoramas = march(grid, field, positions, range_m=range_m)
+    panoramas = march(grid, field, positions, range_m=range_m, free_path_m=free_path_m)
     for i, position in enumerate(positions):
-        volume, voxels = naive.march_one(grid, field, position, size_m=size, range_m=range_m)
+        volume, voxels, surface = naive.march_one(
+            grid, field, position, range_m=range_m, free_path_m=free_path_m
+        )
         for marched, expected in (
             (panoramas.unseen_volume_m3[i], volume),
             (panoramas.unseen_voxels[i], voxels),
+            (panoramas.new_surface_m2[i], surface),
         ):
             # Crossings are known to a float's precision: a voxel that is barely touched to less.
             np.testing.assert_allclose(marched, expected, rtol=1e-4, atol=1e-5 * max(expected.max(), 1e-3))

@@ -35,9 +35,9 @@ from hgs_core.config.base import StrictConfig
 from hgs_core.gain.viewpoint import GainConfig, ViewGains
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.baselines.panoramas import VoxelPanoramas, as_gains
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.planning.views import View
@@ -61,7 +61,7 @@ class StageConfig(StrictConfig):
     """Places whose views have holes in less than this share of their pixels leave the pool."""
 
 
-class ActiveGamerConfig(BaselineConfig):
+class ActiveGamerConfig(NextBestViewConfig):
     method: Literal["activegamer"] = "activegamer"
     stages: tuple[StageConfig, ...] = (
         StageConfig(spacing_m=1.0, directions=5, hole_share=0.08),

@@ -33,9 +33,9 @@ from hgs_core.gaussians.gaussian_map import RGB
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.baselines.candidates import places_near_missing
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.baselines.panoramas import VoxelPanoramas, as_gains
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.sampling import poisson_disk
 from hgs_core.planning.survey import PlannerContext
@@ -46,7 +46,7 @@ CONFIDENCE_STEPS: Final = (0.25, 0.75)
 """Thresholds; the mean of the shares below them is the mean of `1 - confidence`, to within a quarter."""
 
 
-class ActiveGsConfig(BaselineConfig):
+class ActiveGsConfig(NextBestViewConfig):
     method: Literal["activegs"] = "activegs"
     explore_weight: float = Field(1000.0, gt=0)
     """Of the share of all voxels that a view newly sees."""

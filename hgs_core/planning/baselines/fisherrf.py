@@ -29,16 +29,16 @@ from pydantic import Field
 
 from hgs_core.gain.registry import build_evaluator
 from hgs_core.planning.baselines.candidates import places_near_missing
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import leg_between
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.sampling import poisson_disk
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.planning.views import View
 
 
-class FisherRfConfig(BaselineConfig):
+class FisherRfConfig(NextBestViewConfig):
     method: Literal["fisherrf"] = "fisherrf"
     frontier_m3: float = Field(0.1, gt=0)
     """A place is at a frontier when its best view newly covers this much [m^3]."""

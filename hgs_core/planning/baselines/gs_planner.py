@@ -32,15 +32,15 @@ from numpy import ndarray
 from pydantic import Field
 
 from hgs_core.gain.registry import build_evaluator
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.sampling import poisson_disk
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.planning.views import View
 
 
-class GSPlannerConfig(BaselineConfig):
+class GSPlannerConfig(NextBestViewConfig):
     method: Literal["gs-planner"] = "gs-planner"
     gain_threshold: float = Field(0.5, gt=0)
     """A view is worth a visit when it gains this much (1 = the gain configuration's scales)."""

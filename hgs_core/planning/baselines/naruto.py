@@ -35,15 +35,15 @@ from pydantic import Field
 from scipy.spatial import cKDTree
 
 from hgs_core.gain.uncertainty import UncertaintyGain
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.pursuit import TAKEN_WITHIN_M
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.planning.views import View
 
 
-class NarutoConfig(BaselineConfig):
+class NarutoConfig(NextBestViewConfig):
     """Of `gain`, the scale of coverage, the prior information and the bins count here."""
 
     method: Literal["naruto"] = "naruto"

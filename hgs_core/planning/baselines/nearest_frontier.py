@@ -16,8 +16,8 @@ from pydantic import Field
 
 from hgs_core.gain.registry import build_evaluator
 from hgs_core.planning.baselines.candidates import places_near_missing
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.planning.views import View
@@ -26,7 +26,7 @@ _BATCH = 24
 """Places scored at once, nearest first, until one is a frontier."""
 
 
-class NearestFrontierConfig(BaselineConfig):
+class NearestFrontierConfig(NextBestViewConfig):
     method: Literal["nearest-frontier"] = "nearest-frontier"
     gain_threshold: float = Field(0.2, gt=0)
     """A place is a frontier when its best view gains this much (1 = the gain configuration's scale)."""

@@ -9,13 +9,13 @@ from pydantic import Field
 
 from hgs_core.gain.registry import build_evaluator
 from hgs_core.planning.baselines.candidates import places_near_missing
-from hgs_core.planning.baselines.next_best_view import BaselineConfig, Choice, NextBestViewPlanner
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.survey import PlannerContext
 
 
-class MostPerMetreConfig(BaselineConfig):
+class MostPerMetreConfig(NextBestViewConfig):
     """Settings: `--set planner.gain_threshold=0.1`. Gains, memory and navigation have theirs already."""
 
     method: Literal["most-per-metre"] = "most-per-metre"  # the entry point's name

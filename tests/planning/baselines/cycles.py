@@ -6,8 +6,8 @@ import numpy as np
 
 from hgs_core.gain.viewpoint import GainEvaluator, ViewGains
 from hgs_core.mapping.snapshot import MapSnapshot
-from hgs_core.planning.baselines.next_best_view import BaselineConfig
 from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.next_best_view import NextBestViewConfig
 from hgs_core.planning.survey import Survey
 from hgs_core.robot.robot import RobotState
 from hgs_core.voxels.voxel_map import VoxelMap
@@ -51,6 +51,6 @@ class GainByPlace:
 def cycle_on(voxels: VoxelMap, evaluator: GainEvaluator, x_m: float, y_m: float) -> PlanningCycle:
     """What a planner of a robot at this place knows of the map."""
     robot = PointRobot(ClosedWorld(np.zeros((1, 1, 1), bool)), voxels, x_m, y_m, 0.0)
-    survey = Survey(BaselineConfig(method="test"), context_in(None), evaluator, horizon_m=6.0)
+    survey = Survey(NextBestViewConfig(method="test"), context_in(None), evaluator, horizon_m=6.0)
     state: RobotState = robot.state
     return survey.cycle(robot.snapshot, state)

@@ -1,4 +1,4 @@
-"""Baselines by name in closed worlds, with their true policies."""
+"""Policies by name in closed worlds."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.baselines.gs_planner import GSPlanner, GSPlannerConfig
 from hgs_core.planning.baselines.naruto import Naruto, NarutoConfig
-from hgs_core.planning.baselines.next_best_view import NextBestViewPlanner
 from hgs_core.planning.baselines.random_views import RandomConfig, RandomViews
 from hgs_core.planning.config import HierarchicalConfig
+from hgs_core.planning.gain_first import GainFirst, GainFirstConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
+from hgs_core.planning.next_best_view import NextBestViewPlanner
 from hgs_core.planning.plan import NothingLeft, Plan, Planner
 from hgs_core.robot.robot import RobotState
 from hgs_core.voxels.voxel_map import VoxelState
@@ -29,6 +30,11 @@ START = (1.5, 1.2, 0.0)
 def gs_planner(world: ClosedWorld) -> NextBestViewPlanner:
     config = GSPlannerConfig(gain_threshold=0.2)
     return NextBestViewPlanner(config, context_in(world.region), CountingGain(), GSPlanner(config))
+
+
+def gain_first(world: ClosedWorld) -> NextBestViewPlanner:
+    config, context = GainFirstConfig(gain_threshold=0.2), context_in(world.region)
+    return NextBestViewPlanner(config, context, CountingGain(), GainFirst(config, context))
 
 
 def random_views(world: ClosedWorld) -> NextBestViewPlanner:
@@ -55,6 +61,7 @@ BASELINES: dict[str, Callable[[ClosedWorld], Planner]] = {
     "random": random_views,
     "naruto": naruto,
     "tare": tare,
+    "best": gain_first,
 }
 
 

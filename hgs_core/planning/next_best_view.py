@@ -1,6 +1,6 @@
-"""What the planners without a global level share: survey, let a policy choose views, drive to them.
+"""What most planners share: survey, let a policy choose views, drive to them.
 
-A policy is one published way of choosing the next views. Everything else is the same for all of them: the
+A policy is one way of choosing the next views. Everything else is the same for all of them: the
 navigation grid, the paths over it, the camera's yaws, the memory that believes less in gains that did not
 drop (without it none of them would be sure to end), and the answer for what stays unseen.
 """
@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 from pydantic import Field
 
 from hgs_core.gain.viewpoint import GainEvaluator
@@ -34,8 +36,8 @@ from hgs_core.planning.views import View
 from hgs_core.robot.robot import RobotState
 
 
-class BaselineConfig(PlannerConfig):
-    """What every baseline has beside `PlannerConfig`."""
+class NextBestViewConfig(PlannerConfig):
+    """What every policy has beside `PlannerConfig`."""
 
     horizon_m: float = Field(6.0, gt=0)
     """Edge of the square about the robot that counts as its surroundings [m]."""
@@ -50,6 +52,8 @@ class Choice:
     choice."""
     rejected: list[View] = field(default_factory=list)
     """What was considered as well."""
+    unreachable_m: list[Float[ndarray, " 2"]] = field(default_factory=list)
+    """Middles of what is missing where no reachable place can look at it."""
     reason: str
     """Why these, or why none: one clause for an operator."""
 
@@ -67,11 +71,20 @@ class Policy(Protocol):
     def restore(self, state: dict[str, Any]) -> None: ...
 
 
+@runtime_checkable
+class Rechecking(Protocol):
+    """A policy that looks again at the next view while the robot drives to it."""
+
+    def why_drop(self, view: View, yaw_rad: float) -> str | None:
+        """Why the view, as the newest maps see it, is not worth going on to; None when it is."""
+        ...
+
+
 class NextBestViewPlanner:
     """A `Planner` around a policy. Raises `PlanningError` when asked to plan on an empty voxel map."""
 
     def __init__(
-        self, config: BaselineConfig, context: PlannerContext, evaluator: GainEvaluator, policy: Policy
+        self, config: NextBestViewConfig, context: PlannerContext, evaluator: GainEvaluator, policy: Policy
     ) -> None:
         self.config = config
         self._survey = Survey(config, context, evaluator, horizon_m=config.horizon_m)
@@ -116,8 +129,16 @@ class NextBestViewPlanner:
     def should_replan(
         self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int
     ) -> str | None:
-        """Only when the remaining path lost its clearance on the newest map."""
-        return self._survey.pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
+        """When the remaining path lost its clearance on the newest map; for a `Rechecking` policy also when
+        it drops the next view, every `recheck_interval_s`."""
+        survey, policy = self._survey, self._policy
+        blocked = survey.pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
+        if blocked is not None or not isinstance(policy, Rechecking):
+            return blocked
+        if not survey.pursuit.recheck_due(robot.timestamp_s):
+            return None
+        ahead = survey.next_view(snapshot, robot, plan.path, waypoints_passed)
+        return None if ahead is None else policy.why_drop(*ahead)
 
     def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
         """See `Planner`."""
@@ -136,7 +157,8 @@ class NextBestViewPlanner:
         z_m = self._survey.context.camera_height_m
         chosen = [view.as_candidate(CandidateStatus.SELECTED, z_m) for view in choice.stops]
         others = [view.as_candidate(CandidateStatus.BELOW_THRESHOLD, z_m) for view in choice.rejected]
-        return (*chosen, *others)
+        unreachable = [Candidate.unreachable(middle, z_m) for middle in choice.unreachable_m]
+        return (*chosen, *others, *unreachable)
 
 
 def _given_up(region: UnseenRegion) -> UnseenRegion:

@@ -1,0 +1,168 @@
+"""All views that are worth a stop, near and far, in the order that brings gains early on a short path.
+
+Beyond HGS-Planner, by measurement:
+- one order for near and far. A local tour that must be finished before the robot goes on cleans up nearby
+  while most of the building is unknown (`least_latency_order` weighs both);
+- many places. Half a metre decides whether a niche or a corner of a room is in sight: near the robot places
+  are scored everywhere, tight corners included, and subspaces inside the horizon keep a view of their own;
+- metres count. Turning in place makes no path, so it costs a fraction of its time;
+- what is left of a view's gain is looked at while driving to it, and a view that was seen on the way is
+  dropped.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from pydantic import Field
+
+from hgs_core.gain.registry import build_evaluator
+from hgs_core.planning.cycle import PlanningCycle
+from hgs_core.planning.latency import least_latency_order
+from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
+from hgs_core.planning.registry import PlannerMethod
+from hgs_core.planning.sampling import poisson_disk
+from hgs_core.planning.subspace_views import OpenSubspaces, SubspaceViews, SubspaceViewsConfig
+from hgs_core.planning.survey import PlannerContext
+from hgs_core.planning.travel_times import TravelTimes
+from hgs_core.planning.views import View
+
+_SAME_PLACE_M = 0.1
+
+
+class GainFirstConfig(NextBestViewConfig):
+    method: Literal["gain-first"] = "gain-first"
+    gain_threshold: float = Field(0.5, gt=0)
+    """The total gain (1 = the gain configuration's scales) that a stop must be worth."""
+    abandon_share: float = Field(0.5, gt=0, le=1)
+    """A view on the way is given up when its gain fell below this share of the threshold."""
+    urgency: float = Field(0.5, gt=0, le=1)
+    """How much the mean time until gains come counts, and how little the whole way's."""
+    turning_weight: float = Field(0.2, ge=0)
+    """A second of turning in place counts as so much of a second of driving."""
+    commitment_s: float = Field(1.5, ge=0)
+    """The previous plan's next place costs so much less to go to first [s]: no dithering between equals."""
+    sample_spacing_m: float = Field(0.5, gt=0)
+    """Least distance between sampled places inside the horizon [m]."""
+    quality_spacing_m: float = Field(1.5, gt=0)
+    """Of these, places at least so far apart are scored for quality, too: it changes little from one to the
+    next and takes most of the time [m]."""
+    stops_ahead: int = Field(8, ge=1)
+    """So many stops are planned; what comes after them belongs to later plans."""
+    subspace_views: SubspaceViewsConfig = SubspaceViewsConfig()
+    """How the views of open subspaces are found, near and far."""
+
+
+class GainFirst:
+    """The policy. Keeps the views of open subspaces, and the stops that it wanted last."""
+
+    def __init__(self, config: GainFirstConfig, context: PlannerContext) -> None:
+        self._config = config
+        self._subspaces = SubspaceViews(
+            config.subspace_views,
+            gain_threshold=config.gain_threshold,
+            camera_range_m=context.camera_range_m,
+        )
+        self._travel = TravelTimes(context.robot, turning_weight=config.turning_weight)
+        self._wanted_m: Float[ndarray, "n 2"] = np.zeros((0, 2))
+
+    def choose(self, cycle: PlanningCycle, rng: np.random.Generator) -> Choice:
+        found = self._subspaces.update(cycle, rng, whole_map=True)
+        near = self._sampled(cycle, rng, found.in_horizon)
+        worth = [view for view in near if view.total_gain >= self._config.gain_threshold]
+        rejected = [view for view in near if view.total_gain < self._config.gain_threshold]
+        far = found.goals
+        if not worth and not far:
+            # Before giving up: every open subspace, scored anew.
+            self._subspaces.forget()
+            again = self._subspaces.update(cycle, rng, whole_map=True)
+            worth, far = again.in_horizon, again.goals
+            rejected += again.rejected
+            found.unreachable += again.unreachable
+        stops = self._ordered(cycle, [*worth, *far])
+        self._wanted_m = np.array([view.xy_m for view in stops]).reshape(-1, 2)
+        return Choice(
+            stops=stops,
+            rejected=[*rejected, *found.rejected],
+            unreachable_m=found.unreachable,
+            reason=self._explained(worth, far, rejected, found),
+        )
+
+    def why_drop(self, view: View, yaw_rad: float) -> str | None:
+        gain = view.gain_at(yaw_rad)
+        if gain >= self._config.abandon_share * self._config.gain_threshold:
+            return None
+        self._subspaces.forget_at(view.xy_m)
+        return f"target already seen: only gain {gain:.2f} is left of it"
+
+    def state(self) -> dict[str, Any]:
+        return {"subspaces": self._subspaces.state(), "wanted_m": self._wanted_m.copy()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self._subspaces.restore(state["subspaces"])
+        self._wanted_m = np.array(state["wanted_m"], dtype=np.float64).reshape(-1, 2)
+
+    def _sampled(self, cycle: PlanningCycle, rng: np.random.Generator, suggested: list[View]) -> list[View]:
+        """Views inside the horizon: from the robot's place, from those that were wanted before or suggested
+        by subspaces, and from places between them all."""
+        spacing_m = self._config.sample_spacing_m
+        kept: list[int] = []
+        for place in [*self._wanted_m, *(view.xy_m for view in suggested)]:
+            cell = cycle.place_near(place, cycle.grid.size_m)
+            if cell is None or not cycle.in_horizon(place[None])[0]:
+                continue
+            taken = self._taken_m(cycle, kept)
+            if np.min(np.linalg.norm(taken - cycle.grid.centres_m(np.array([cell])), axis=1)) >= spacing_m:
+                kept.append(cell)
+        places = cycle.places_in_horizon()
+        between = poisson_disk(
+            cycle.grid.centres_m(places), spacing_m, rng, taken_m=self._taken_m(cycle, kept)
+        )
+        cells = np.concatenate([np.array(kept, dtype=np.int64), places[between]])
+        thinned = poisson_disk(cycle.grid.centres_m(cells), self._config.quality_spacing_m, rng)
+        full = np.isin(np.arange(len(cells)), thinned)
+        views = [*cycle.score(cells[full]), *cycle.score(cells[~full], coverage_only=True)]
+        return [*cycle.score_here(), *views]
+
+    @staticmethod
+    def _taken_m(cycle: PlanningCycle, cells: list[int]) -> Float[ndarray, "n 2"]:
+        return np.concatenate([cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(cells, np.int64))])
+
+    def _ordered(self, cycle: PlanningCycle, views: list[View]) -> list[View]:
+        """The first few in the order that gains most early."""
+        if not views:
+            return []
+        next_m = self._wanted_m[0] if len(self._wanted_m) else None
+        if next_m is not None and np.hypot(*(next_m - cycle.robot_xy_m)) <= _SAME_PLACE_M:
+            next_m = None
+        costs = self._travel.committed_times_s(cycle, views, next_m, self._config.commitment_s)
+        gains = np.array([view.total_gain for view in views])
+        order = least_latency_order(costs, gains, urgency=self._config.urgency)
+        return [views[k - 1] for k in order[: self._config.stops_ahead].tolist()]
+
+    def _explained(
+        self, worth: list[View], far: list[View], rejected: list[View], found: OpenSubspaces
+    ) -> str:
+        if not worth and not far:
+            best = max((view.total_gain for view in rejected), default=0.0)
+            return f"no reachable view gains {self._config.gain_threshold:.2f} or more, the best {best:.2f}"
+        parts = []
+        if worth:
+            best = max(view.total_gain for view in worth)
+            parts.append(f"{len(worth)} views worth a stop nearby (best gain {best:.2f})")
+        else:
+            parts.append("nothing nearby is worth a stop")
+        if far:
+            parts.append(f"{len(far) + found.n_waiting} unfinished subspaces farther away")
+        return "; ".join(parts)
+
+
+def _build(config: GainFirstConfig, context: PlannerContext) -> NextBestViewPlanner:
+    evaluator = build_evaluator(config.gain, context.camera, context.camera_range_m)
+    return NextBestViewPlanner(config, context, evaluator, GainFirst(config, context))
+
+
+METHOD = PlannerMethod(config=GainFirstConfig, build=_build)
