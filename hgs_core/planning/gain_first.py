@@ -118,6 +118,8 @@ class GainFirst:
             if np.min(np.linalg.norm(taken - cycle.grid.centres_m(np.array([cell])), axis=1)) >= spacing_m:
                 kept.append(cell)
         places = cycle.places_in_horizon()
+        room_m = cycle.grid.radius_m + cycle.grid.margin_m - 1e-6
+        places = places[cycle.grid.clearance_m.ravel()[places] >= room_m]
         between = poisson_disk(
             cycle.grid.centres_m(places), spacing_m, rng, taken_m=self._taken_m(cycle, kept)
         )
