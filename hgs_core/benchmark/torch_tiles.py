@@ -24,12 +24,14 @@ TILE: Final = 16
 def splat_tiles(
     parameters: Float[Tensor, "n 8"], intrinsics: CameraIntrinsics, T_world_camera: SE3
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"], Float[Tensor, "height width"]]:
-    """The sums C, D and A of every pixel (HGS-Planner Eq. 2), differentiable by `parameters`."""
+    """The sums C, D and A of every pixel (HGS-Planner Eq. 2) over isotropic Gaussians, differentiable."""
     dtype = parameters.dtype
-    seen = project(parameters, intrinsics, T_world_camera)
+    seen = project(parameters, parameters[:, :0], intrinsics, T_world_camera)
     u, v = seen.u, seen.v
     with torch.no_grad():
-        reach = torch.sqrt(2.0 * seen.variance * torch.log((seen.opacity / MIN_ALPHA).clamp(min=1.0)))
+        reach = torch.sqrt(
+            2.0 / seen.precision[:, 0, 0] * torch.log((seen.opacity / MIN_ALPHA).clamp(min=1.0))
+        )
     features = torch.cat([seen.rgb, seen.z[:, None], torch.ones_like(seen.z[:, None])], dim=1)
     rows = []
     for top in range(0, intrinsics.height, TILE):

@@ -66,6 +66,10 @@ class FisherField:
             camera.low_pass_px2 / self._focal_px**2,
             saturation_m,
             range_m,
+            [
+                max(camera.cx, camera.width - camera.cx) / camera.fx,
+                max(camera.cy, camera.height - camera.cy) / camera.fy,
+            ],
         )
         self._is_gathered = np.zeros(-(-shape[:2] // kernels.GAIN_CHUNK), dtype=bool)
 
@@ -79,7 +83,10 @@ class FisherField:
         wanted = chunks & ~self._is_gathered
         gaussians = snapshot.gaussians
         if wanted.any():
-            self._kernel.gather(gaussians.parameters[: gaussians.size], gaussians.block_bounds, wanted)
+            rows = slice(gaussians.size)
+            self._kernel.gather(
+                gaussians.parameters[rows], gaussians.normals[rows], gaussians.block_bounds, wanted
+            )
             self._is_gathered[wanted] = True
 
     def score_by_yaw(
@@ -91,6 +98,7 @@ class FisherField:
         gaussians = snapshot.gaussians
         self._kernel.score(
             gaussians.parameters[: gaussians.size],
+            gaussians.normals[: gaussians.size],
             gaussians.information[: gaussians.size],
             np.ascontiguousarray(positions_m, np.float64),
             grid.tan_low,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt16
@@ -17,6 +17,14 @@ BLOCK: Final = 256
 
 N_PARAMETERS: Final = 8
 
+Primitive = Literal["isotropic", "disc"]
+"""What the Gaussians of a map are: balls that look the same from everywhere (SplaTAM, HGS-Planner Eq. 1), or
+discs that lie on the surface, with one radius, no thickness and a normal (2D Gaussian splatting, Huang et al.
+2024, with both axes alike). `rasterise.hpp` says how either looks on the screen."""
+
+_N_NORMAL: Final[dict[str, int]] = {"isotropic": 0, "disc": 3}
+"""Columns of `GaussianMap.normals`."""
+
 CENTRE: Final = slice(0, 3)
 """Columns of `parameters`: centre in the world [m]."""
 RGB: Final = slice(3, 6)
@@ -29,25 +37,35 @@ LOGIT_OPACITY: Final = 7
 
 @dataclass(kw_only=True, eq=False)
 class GaussianMap:
-    """Isotropic Gaussians (HGS-Planner Eq. 1), 8 parameters each, and what is known of each.
+    """Gaussians of one `primitive`, 8 parameters each (discs: and a normal), and what is known of each.
 
     Rows `0..size-1` of every array are in use; the rest is room to grow. Rows keep their order; new rows go
     to the end. Sorting new rows by place before `append` keeps each block of `BLOCK` rows compact.
     The mapper is the only writer; readers take `size` once and slice.
     """
 
-    primitive: str = "isotropic"
+    primitive: Primitive = "isotropic"
     size: int = 0
     version: int = 0
     """Raised by every change."""
     parameters: Float32[ndarray, "capacity 8"] = field(
         default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
     )
+    normals: Float32[ndarray, "capacity n_normal"] = field(
+        default_factory=lambda: np.zeros((0, 0), np.float32)
+    )
+    """Of discs: unit normals in the world, of either sign, (capacity, 3). Isotropic: (capacity, 0)."""
     adam_first_moment: Float32[ndarray, "capacity 8"] = field(
         default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
     )
     adam_second_moment: Float32[ndarray, "capacity 8"] = field(
         default_factory=lambda: np.zeros((0, N_PARAMETERS), np.float32)
+    )
+    normal_first_moment: Float32[ndarray, "capacity n_normal"] = field(
+        default_factory=lambda: np.zeros((0, 0), np.float32)
+    )
+    normal_second_moment: Float32[ndarray, "capacity n_normal"] = field(
+        default_factory=lambda: np.zeros((0, 0), np.float32)
     )
     adam_steps: Int32[ndarray, " capacity"] = field(default_factory=lambda: np.zeros(0, np.int32))
     information: Float32[ndarray, "capacity 8"] = field(
@@ -60,6 +78,13 @@ class GaussianMap:
     """How many depth images have been averaged into the centre."""
     block_bounds: Float32[ndarray, "n_blocks 6"] = field(default_factory=lambda: np.zeros((0, 6), np.float32))
     """Lower and upper corner [m] of the centres of each block, widened by its largest radius."""
+
+    def __post_init__(self) -> None:
+        if self.primitive not in _N_NORMAL:
+            raise MapError(f"no primitive {self.primitive!r}; there are: {', '.join(_N_NORMAL)}")
+        for name in _BY_NORMAL:
+            if len(getattr(self, name)) == 0:
+                setattr(self, name, np.zeros((0, _N_NORMAL[self.primitive]), np.float32))
 
     def __len__(self) -> int:
         return self.size
@@ -83,11 +108,28 @@ class GaussianMap:
         opacities: Float32[ndarray, " size"] = 1.0 / (1.0 + np.exp(-logits))
         return opacities
 
-    def append(self, parameters: Float32[ndarray, "n 8"], *, anchor_keyframe: int) -> None:
-        """Add rows with no history: moments, information and counts start at zero (one depth observation)."""
+    def append(
+        self,
+        parameters: Float32[ndarray, "n 8"],
+        normals: Float32[ndarray, "n n_normal"] | None = None,
+        *,
+        anchor_keyframe: int,
+    ) -> None:
+        """Add rows with no history: moments, information and counts start at zero (one depth observation).
+
+        Discs, and they alone, need `normals` (n, 3). Raises `MapError` otherwise.
+        """
+        n_normal = _N_NORMAL[self.primitive]
+        given = np.zeros((len(parameters), 0), np.float32) if normals is None else normals
+        if given.shape != (len(parameters), n_normal):
+            raise MapError(
+                f"{len(parameters)} Gaussians of a map of primitive {self.primitive!r} need normals of shape "
+                f"({len(parameters)}, {n_normal}), got {given.shape}"
+            )
         first, last = self.size, self.size + len(parameters)
         self._reserve(last)
         self.parameters[first:last] = parameters
+        self.normals[first:last] = given
         for name in _HISTORY:
             getattr(self, name)[first:last] = 0
         self.anchor_keyframe[first:last] = anchor_keyframe
@@ -102,7 +144,8 @@ class GaussianMap:
             raise MapError(f"keep needs one flag a Gaussian ({self.size}), got {kept.shape}")
         for name in _ROWS:
             rows = getattr(self, name)[: self.size]
-            kernels.compact_rows(rows.view(np.uint8).reshape(self.size, -1), kept)
+            if rows.size > 0:
+                kernels.compact_rows(rows.view(np.uint8).reshape(self.size, -1), kept)
         self.size = int(np.count_nonzero(kept))
         self.version += 1
         self.refresh_blocks(0)
@@ -145,7 +188,10 @@ class GaussianMap:
 _HISTORY: Final = (
     "adam_first_moment",
     "adam_second_moment",
+    "normal_first_moment",
+    "normal_second_moment",
     "adam_steps",
     "information",
 )
-_ROWS: Final = ("parameters", *_HISTORY, "anchor_keyframe", "n_depth_observations")
+_BY_NORMAL: Final = ("normals", "normal_first_moment", "normal_second_moment")
+_ROWS: Final = ("parameters", "normals", *_HISTORY, "anchor_keyframe", "n_depth_observations")

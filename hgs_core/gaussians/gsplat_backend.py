@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from hgs_core.errors import ConfigError
 from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, LOGIT_OPACITY, RGB, GaussianMap
-from hgs_core.gaussians.rendered_view import RenderedView
+from hgs_core.gaussians.rendered_view import MapGradient, RenderedView
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
@@ -64,15 +64,21 @@ class GsplatBackend:
         d_colour: Float32[ndarray, "height width 3"],
         d_depth: Float32[ndarray, "height width"],
         d_silhouette: Float32[ndarray, "height width"],
-    ) -> Float32[ndarray, "size 8"]:
+    ) -> MapGradient:
         parameters = self._parameters(gaussians).requires_grad_()
         sums = self._splat(parameters, intrinsics, T_world_camera, np.inf)
         incoming = [self._torch.from_numpy(d).to(parameters) for d in (d_colour, d_depth, d_silhouette)]
         (gradient,) = self._torch.autograd.grad(sums, parameters, incoming)
-        moved: Float32[ndarray, "size 8"] = gradient.cpu().numpy()
-        return moved
+        return MapGradient(
+            parameters=gradient.cpu().numpy(), normals=np.zeros((gaussians.size, 0), np.float32)
+        )
 
     def _parameters(self, gaussians: GaussianMap) -> Any:
+        if gaussians.primitive != "isotropic":
+            raise ConfigError(
+                f"the render backend 'gsplat' draws isotropic Gaussians, not {gaussians.primitive!r}: "
+                "it knows no depth that slopes within one; use 'native'"
+            )
         return self._torch.from_numpy(gaussians.parameters[: gaussians.size]).cuda()
 
     def _splat(

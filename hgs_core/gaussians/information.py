@@ -3,6 +3,10 @@
 A rendered colour is a measurement with noise of unit variance, so the information that one view holds about
 a parameter w is `H = sum over pixels and channels of (dC/dw)^2`: no ground truth is needed. Derivatives are
 by the map's own parameters (log radius, logit opacity), chained *before* they are squared.
+
+Of a disc the same 8 parameters count, with the derivatives of its own footprint: gains of maps of either
+primitive compare. Its normal is left out: depth places it at once, and to the first order it moves no colour
+where the disc is looked at along it.
 """
 
 from __future__ import annotations
@@ -51,6 +55,7 @@ def accumulate_information(
     size = gaussians.size
     kernels.add_information(
         gaussians.parameters[:size],
+        gaussians.normals[:size],
         gaussians.block_bounds,
         camera_numbers(intrinsics, T_world_camera, far_m=far_m),
         intrinsics.width,
@@ -67,6 +72,7 @@ def view_information(
     information = np.zeros((gaussians.size, 8), np.float32)
     kernels.add_information(
         gaussians.parameters[: gaussians.size],
+        gaussians.normals[: gaussians.size],
         gaussians.block_bounds,
         camera_numbers(intrinsics, T_world_camera),
         intrinsics.width,
@@ -95,6 +101,7 @@ def quality_image(
     image = np.empty((intrinsics.height, intrinsics.width), np.float32)
     kernels.quality_image(
         gaussians.parameters[: gaussians.size],
+        gaussians.normals[: gaussians.size],
         gaussians.block_bounds,
         camera_numbers(intrinsics, T_world_camera, far_m=far_m),
         gaussians.information[: gaussians.size],

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
 from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.gaussians.rendered_view import RenderedView
+from hgs_core.gaussians.rendered_view import MapGradient, RenderedView
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
 
@@ -36,6 +36,7 @@ class NativeBackend:
         )
         kernels.render_sums(
             gaussians.parameters[: gaussians.size],
+            gaussians.normals[: gaussians.size],
             gaussians.block_bounds,
             camera_numbers(intrinsics, T_world_camera, far_m=far_m),
             view.colour_sum,
@@ -52,16 +53,21 @@ class NativeBackend:
         d_colour: Float32[ndarray, "height width 3"],
         d_depth: Float32[ndarray, "height width"],
         d_silhouette: Float32[ndarray, "height width"],
-    ) -> Float32[ndarray, "size 8"]:
-        gradient = np.zeros((gaussians.size, 8), np.float32)
+    ) -> MapGradient:
+        gradient = MapGradient(
+            parameters=np.zeros((gaussians.size, 8), np.float32),
+            normals=np.zeros_like(gaussians.normals[: gaussians.size]),
+        )
         kernels.render_gradient(
             gaussians.parameters[: gaussians.size],
+            gaussians.normals[: gaussians.size],
             gaussians.block_bounds,
             camera_numbers(intrinsics, T_world_camera),
             np.ascontiguousarray(d_colour),
             np.ascontiguousarray(d_depth),
             np.ascontiguousarray(d_silhouette),
-            gradient,
+            gradient.parameters,
+            gradient.normals,
         )
         return gradient
 

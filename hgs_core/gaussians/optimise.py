@@ -42,6 +42,8 @@ class LearningRates(StrictConfig):
     """Of the colour [1 a step]."""
     log_radius: float = Field(0.02, ge=0)
     """Of the logarithm of the radius [1 a step]."""
+    normal: float = Field(0.02, ge=0)
+    """Of the normal of a disc, which stays a unit vector [1 a step]."""
     logit_opacity: float = Field(0.2, ge=0)
     """Of the logit of the opacity [1 a step]."""
     beta1: float = Field(0.9, ge=0, lt=1)
@@ -57,7 +59,7 @@ class LearningRates(StrictConfig):
         return self.model_copy(update=sizes)
 
 
-_STEP_SIZES: Final = ("centre", "rgb", "log_radius", "logit_opacity")
+_STEP_SIZES: Final = ("centre", "rgb", "log_radius", "normal", "logit_opacity")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +179,9 @@ def _arguments(
         gaussians.parameters[:size],
         gaussians.adam_first_moment[:size],
         gaussians.adam_second_moment[:size],
+        gaussians.normals[:size],
+        gaussians.normal_first_moment[:size],
+        gaussians.normal_second_moment[:size],
         gaussians.adam_steps[:size],
         gaussians.block_bounds,
         camera_numbers(intrinsics, T_world_camera, far_m=range_m),
@@ -190,5 +195,6 @@ def _arguments(
             rates.epsilon,
             float(np.log(lower_m)),
             float(np.log(upper_m)),
+            rates.normal,
         ],
     )

@@ -47,6 +47,7 @@ def train_information(
         pose = SE3(rotation=rotation, translation=translation)
         kernels.add_information(
             gaussians.parameters[: gaussians.size],
+            gaussians.normals[: gaussians.size],
             gaussians.block_bounds,
             camera_numbers(intrinsics, pose, far_m=far_m),
             intrinsics.width,

@@ -49,14 +49,24 @@ class RenderedView:
         return inverse
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapGradient:
+    """Of a loss, by everything that is optimised of a map."""
+
+    parameters: Float32[ndarray, "size 8"]
+    normals: Float32[ndarray, "size n_normal"]
+    """Of discs, tangent to the unit sphere (size, 3); isotropic: (size, 0)."""
+
+
 @runtime_checkable
 class RenderBackend(Protocol):
     """One implementation of the splatting model.
 
-    A Gaussian appears with variance `(f r / z)^2 + low_pass_px2` px^2 (f: geometric mean of fx and fy; the
-    camera says `low_pass_px2`), alpha at most 0.99 and dropped below 1/255, if its centre is farther than
-    0.1 m and nearer than `far_m`; blending goes by the depth of the centres and ends at a transmittance of
-    1e-4.
+    An isotropic Gaussian appears with variance `(f r / z)^2 + low_pass_px2` px^2 (f: geometric mean of fx and
+    fy; the camera says `low_pass_px2`) at the depth of its centre; a disc by EWA splatting with the same low
+    pass, at the depth of its plane (`rasterise.hpp`). Alpha is at most 0.99 and dropped below 1/255, and
+    centres are drawn if farther than 0.1 m and nearer than `far_m`; blending goes by the depth of the centres
+    and ends at a transmittance of 1e-4.
     """
 
     def forward(
@@ -76,6 +86,6 @@ class RenderBackend(Protocol):
         d_colour: Float32[ndarray, "height width 3"],
         d_depth: Float32[ndarray, "height width"],
         d_silhouette: Float32[ndarray, "height width"],
-    ) -> Float32[ndarray, "size 8"]:
-        """Gradient of a loss by `GaussianMap.parameters`, from its gradients by the three sums."""
+    ) -> MapGradient:
+        """Gradient of a loss by the map, from its gradients by the three sums."""
         ...

@@ -46,43 +46,66 @@ HGS_INLINE void widen_bounds(const AdamState& adam, StepBlock& moved) {
   }
 }
 
-HGS_INLINE void adam_row(const AdamState& adam, const float* table, std::uint32_t row, VFloat8 gradient) {
+// 1 / (1 - beta^step) of both moments.
+struct BiasCorrection {
+  float first, second;
+};
+
+HGS_INLINE BiasCorrection bias_correction(const AdamState& adam, const float* table, std::int32_t step) {
+  if (step < TABLED_STEPS) return {table[2 * step], table[2 * step + 1]};
+  return {static_cast<float>(1.0 / (1.0 - __builtin_pow(adam.beta1, step))),
+          static_cast<float>(1.0 / (1.0 - __builtin_pow(adam.beta2, step)))};
+}
+
+HGS_INLINE void adam_row(const AdamState& adam, const BiasCorrection& correct, std::uint32_t row, VFloat8 gradient) {
   const std::size_t first = N_PARAMETERS * std::size_t{row};
-  const std::int32_t step = ++adam.steps[row];
-  float correct1, correct2;
-  if (step < TABLED_STEPS) {
-    correct1 = table[2 * step];
-    correct2 = table[2 * step + 1];
-  } else {
-    correct1 = static_cast<float>(1.0 / (1.0 - __builtin_pow(adam.beta1, step)));
-    correct2 = static_cast<float>(1.0 / (1.0 - __builtin_pow(adam.beta2, step)));
-  }
   const VFloat8 m = adam.beta1 * load8(adam.first_moment + first) + (1.0f - adam.beta1) * gradient;
   const VFloat8 v = adam.beta2 * load8(adam.second_moment + first) + (1.0f - adam.beta2) * gradient * gradient;
   store8(adam.first_moment + first, m);
   store8(adam.second_moment + first, v);
   float* p = adam.parameters + first;
-  store8(p, load8(p) - load8(adam.rates) * (m * correct1) / (vsqrt8(v * correct2) + adam.epsilon));
+  store8(p, load8(p) - load8(adam.rates) * (m * correct.first) / (vsqrt8(v * correct.second) + adam.epsilon));
   const float log_radius = p[6] < adam.min_log_radius ? adam.min_log_radius : p[6];
   p[6] = log_radius > adam.max_log_radius ? adam.max_log_radius : log_radius;
 }
 
-static void step_visible(Workspace& workspace, const PinholeCamera& camera, const AdamState& adam) {
+// The step, and back to a unit vector.
+HGS_INLINE void adam_normal(const AdamState& adam, const BiasCorrection& correct, std::uint32_t row, VFloat8 gradient) {
+  const std::size_t first = N_NORMAL * std::size_t{row};
+  const auto of = [&](const float* rows) HGS_LAMBDA {
+    return VFloat8{rows[first], rows[first + 1], rows[first + 2]};
+  };
+  const VFloat8 m = adam.beta1 * of(adam.normal_first_moment) + (1.0f - adam.beta1) * gradient;
+  const VFloat8 v = adam.beta2 * of(adam.normal_second_moment) + (1.0f - adam.beta2) * gradient * gradient;
+  const VFloat8 step = adam.normal_rate * (m * correct.first) / (vsqrt8(v * correct.second) + adam.epsilon);
+  const VFloat8 turned = of(adam.normals) - step;
+  const float length2 = turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2];
+  const VFloat8 unit = turned * (1.0f / __builtin_sqrtf(length2));
+  for (int k = 0; k < N_NORMAL; ++k) {
+    adam.normal_first_moment[first + k] = m[k];
+    adam.normal_second_moment[first + k] = v[k];
+    adam.normals[first + k] = unit[k];
+  }
+}
+
+template <class Shape>
+static void step_visible(const GaussianRows& gaussians, Workspace& workspace, const PinholeCamera& camera,
+                         const AdamState& adam) {
   const float* table = bias_corrections(adam, workspace);
-  const CameraAxes axes = camera_axes(camera);
-  for_each_splat(
-      workspace,
+  for_each_gradient<Shape>(
+      gaussians, workspace, camera,
       [](std::size_t) {
         StepBlock moved;
         moved.n_moved = 0;
         return moved;
       },
-      [&](const Splat& splat, VFloat8 sums, StepBlock& moved) HGS_LAMBDA {
-        const VFloat8 gradient = chain_gradient(splat, camera, axes, sums);
-        if (all_zero8(gradient)) return;
-        adam_row(adam, table, splat.row, gradient);
-        moved.rows[moved.n_moved] = splat.row;
-        moved.log_radii[moved.n_moved++] = adam.parameters[N_PARAMETERS * std::size_t{splat.row} + 6];
+      [&](std::uint32_t row, const RowGradient<Shape>& gradient, StepBlock& moved) HGS_LAMBDA {
+        if (all_zero8(gradient.parameters)) return;
+        const BiasCorrection correct = bias_correction(adam, table, ++adam.steps[row]);
+        adam_row(adam, correct, row, gradient.parameters);
+        if constexpr (std::is_same_v<Shape, Disc>) adam_normal(adam, correct, row, gradient.normal);
+        moved.rows[moved.n_moved] = row;
+        moved.log_radii[moved.n_moved++] = adam.parameters[N_PARAMETERS * std::size_t{row} + 6];
       },
       [&](std::size_t, StepBlock& moved) { widen_bounds(adam, moved); });
 }

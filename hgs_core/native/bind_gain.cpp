@@ -24,10 +24,20 @@ hgs::Grid grid_of(std::size_t nx, std::size_t ny, std::size_t nz) {
   return {{static_cast<std::int64_t>(nx), static_cast<std::int64_t>(ny), static_cast<std::int64_t>(nz)}};
 }
 
+// A unit vector a disc, (n, 3); (n, 0) for isotropic Gaussians.
+using Normals = Array<const float, nb::ndim<2>>;
+
 hgs::GaussianRows gaussian_rows(const Rows8& parameters, const Array<const float, nb::shape<-1, 6>>& block_bounds) {
   const std::size_t n = parameters.shape(0);
   if (block_bounds.shape(0) * hgs::BLOCK < n) throw nb::value_error("block_bounds does not cover all Gaussians");
-  return {parameters.data(), n, block_bounds.data()};
+  return {parameters.data(), n, block_bounds.data(), nullptr};
+}
+
+hgs::GaussianRows with_normals(hgs::GaussianRows rows, const Normals& normals) {
+  if (normals.shape(0) != rows.n) throw nb::value_error("normals need a row for every Gaussian");
+  if (normals.shape(1) != 0 && normals.shape(1) != hgs::N_NORMAL) throw nb::value_error("a normal has three components");
+  if (normals.shape(1) != 0) rows.normals = normals.data();
+  return rows;
 }
 
 void gather_gain(Rows8 parameters, Array<const float, nb::shape<-1, 6>> block_bounds, Volume<const std::uint8_t> states,
@@ -87,16 +97,18 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 2>> cells, Array<c
 }
 
 hgs::FisherField* fisher_field(Array<const std::int64_t, nb::shape<3>> shape, Array<const double, nb::shape<3>> lower,
-                               double cell, std::array<float, 8> prior, float low_pass, float saturation, float range) {
-  hgs::FisherRule rule{{}, low_pass, saturation, range};
+                               double cell, std::array<float, 8> prior, float low_pass, float saturation, float range,
+                               std::array<float, 2> border) {
+  hgs::FisherRule rule{{}, low_pass, saturation, range,
+                       {hgs::WIDEST_TANGENT * border[0], hgs::WIDEST_TANGENT * border[1]}};
   std::copy(prior.begin(), prior.end(), rule.prior);
   return new hgs::FisherField({{shape(0), shape(1), shape(2)}}, {{lower(0), lower(1), lower(2)}, cell},
                               rule);
 }
 
-void gather_fisher(hgs::FisherField& field, Rows8 parameters, Array<const float, nb::shape<-1, 6>> block_bounds,
-                   Chunks<const bool> wanted) {
-  const hgs::GaussianRows map = gaussian_rows(parameters, block_bounds);
+void gather_fisher(hgs::FisherField& field, Rows8 parameters, Normals normals,
+                   Array<const float, nb::shape<-1, 6>> block_bounds, Chunks<const bool> wanted) {
+  const hgs::GaussianRows map = with_normals(gaussian_rows(parameters, block_bounds), normals);
   for (int a = 0; a < 2; ++a) {
     if (static_cast<std::int64_t>(wanted.shape(a)) != field.chunks(a)) {
       throw nb::value_error("the chunks do not fit the field");
@@ -106,7 +118,7 @@ void gather_fisher(hgs::FisherField& field, Rows8 parameters, Array<const float,
   field.gather(map, reinterpret_cast<const std::uint8_t*>(wanted.data()));
 }
 
-void score_fisher(const hgs::FisherField& field, Rows8 parameters, Rows8 information,
+void score_fisher(const hgs::FisherField& field, Rows8 parameters, Normals normals, Rows8 information,
                   Array<const double, nb::shape<-1, 3>> positions, double tan_low, double tan_high,
                   Array<float, nb::shape<-1, -1, -1, 2>> scores) {
   static_assert(sizeof(hgs::FisherScore) == 2 * sizeof(float));
@@ -119,8 +131,9 @@ void score_fisher(const hgs::FisherField& field, Rows8 parameters, Rows8 informa
   panorama.n_elevation = static_cast<std::int64_t>(scores.shape(1));
   panorama.tan_low = tan_low;
   panorama.tan_high = tan_high;
+  const hgs::GaussianRows map = with_normals({parameters.data(), parameters.shape(0), nullptr, nullptr}, normals);
   const nb::gil_scoped_release unlocked;
-  field.score(parameters.data(), information.data(), positions.data(), static_cast<std::int64_t>(positions.shape(0)),
+  field.score(map, information.data(), positions.data(), static_cast<std::int64_t>(positions.shape(0)),
               panorama, reinterpret_cast<hgs::FisherScore*>(scores.data()));
 }
 
@@ -150,11 +163,13 @@ void bind_gain(nb::module_& m) {
         "chunks that rays enter.");
   nb::class_<hgs::FisherField>(m, "FisherField", "Gaussians by the cells that they reach into; scores rays exactly.")
       .def(nb::new_(&fisher_field), "shape"_a, "lower"_a, "cell"_a, "prior"_a, "low_pass"_a, "saturation"_a, "range"_a,
-           "Empty, over a grid of voxels; lengths in metres, low_pass at a focal length of 1.")
+           "border"_a,
+           "Empty, over a grid of voxels; lengths in metres, low_pass and the image's border (x, y) at a focal length "
+           "of 1.")
       .def("clear", &hgs::FisherField::clear, "Forget all Gaussians.")
-      .def("gather", &gather_fisher, "parameters"_a, "block_bounds"_a, "wanted"_a,
+      .def("gather", &gather_fisher, "parameters"_a, "normals"_a, "block_bounds"_a, "wanted"_a,
            "List the Gaussians of the wanted chunks, which must be empty.")
-      .def("score", &score_fisher, "parameters"_a, "information"_a, "positions"_a, "tan_low"_a, "tan_high"_a,
+      .def("score", &score_fisher, "parameters"_a, "normals"_a, "information"_a, "positions"_a, "tan_low"_a, "tan_high"_a,
            "scores"_a,
            "The exact Fisher score per pixel, at a focal length of 1, along each ray of panoramas (n, elevation, "
            "azimuth): by sideways motion, and by all else.");

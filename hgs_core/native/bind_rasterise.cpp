@@ -17,6 +17,9 @@ namespace {
 
 using Rows = nb::ndarray<float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
 using ConstRows = nb::ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
+// A unit vector a disc, (n, 3); (n, 0) for isotropic Gaussians.
+using Normals = nb::ndarray<float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using ConstNormals = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using IntColumn = nb::ndarray<std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Bounds = nb::ndarray<float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
 using ConstBounds = nb::ndarray<const float, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
@@ -29,8 +32,9 @@ using ConstRgb = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_con
 // fx, fy, cx, cy, T_camera_world as a row-major 3 x 4 matrix, low_pass_px2, far_m.
 using CameraNumbers = std::array<float, 18>;
 
-// Learning rates of the 8 parameters, beta1, beta2, epsilon, lowest and highest log radius.
-using AdamNumbers = std::array<float, 13>;
+// Learning rates of the 8 parameters, beta1, beta2, epsilon, lowest and highest log radius, and the learning rate of
+// normals.
+using AdamNumbers = std::array<float, 14>;
 
 void require(bool held, const char* what) {
   if (!held) throw std::invalid_argument(what);
@@ -46,12 +50,28 @@ hgs::PinholeCamera camera_of(const CameraNumbers& numbers, std::size_t width, st
   return camera;
 }
 
-template <class Parameters, class BlockBounds>
-hgs::GaussianRows rows_of(const Parameters& parameters, const BlockBounds& bounds) {
+// Null for isotropic Gaussians.
+template <class Array>
+auto* normals_of(const Array& normals, std::size_t n) {
+  require(normals.shape(0) == n, "normals need a row for every Gaussian");
+  require(normals.shape(1) == hgs::N_NORMAL || normals.shape(1) == 0, "a normal has three components");
+  return normals.shape(1) == 0 ? nullptr : normals.data();
+}
+
+template <class Parameters, class NormalRows, class BlockBounds>
+hgs::GaussianRows rows_of(const Parameters& parameters, const NormalRows& normals, const BlockBounds& bounds) {
   const std::size_t n = parameters.shape(0);
   require(bounds.shape(0) == (n + hgs::BLOCK - 1) / hgs::BLOCK, "block_bounds needs one row for every 256 Gaussians");
   require(n < (std::size_t{1} << 31), "too many Gaussians");
-  return {parameters.data(), n, bounds.data()};
+  return {parameters.data(), n, bounds.data(), normals_of(normals, n)};
+}
+
+// Rows of which the shape does not matter.
+template <class Parameters, class BlockBounds>
+hgs::GaussianRows centres_of(const Parameters& parameters, const BlockBounds& bounds) {
+  const std::size_t n = parameters.shape(0);
+  require(bounds.shape(0) == (n + hgs::BLOCK - 1) / hgs::BLOCK, "block_bounds needs one row for every 256 Gaussians");
+  return {parameters.data(), n, bounds.data(), nullptr};
 }
 
 template <class A, class B>
@@ -59,90 +79,113 @@ void require_same_image(const A& a, const B& b) {
   require(a.shape(0) == b.shape(0) && a.shape(1) == b.shape(1), "the images differ in height or width");
 }
 
-void render_sums(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, Image3 colour, Image depth,
-                 Image silhouette) {
+void render_sums(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera, Image3 colour,
+                 Image depth, Image silhouette) {
   require_same_image(colour, depth);
   require_same_image(colour, silhouette);
+  const hgs::GaussianRows rows = rows_of(parameters, normals, bounds);
   const nb::gil_scoped_release release;
-  hgs::variant_kernels().rasterise.forward(rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)),
-                                   {colour.data(), depth.data(), silhouette.data()});
+  hgs::rasterise_kernels(rows).forward(rows, camera_of(camera, depth.shape(1), depth.shape(0)),
+                                       {colour.data(), depth.data(), silhouette.data()});
 }
 
-void render_gradient(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstImage3 d_colour,
-                     ConstImage d_depth, ConstImage d_silhouette, Rows gradient) {
+void render_gradient(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera,
+                     ConstImage3 d_colour, ConstImage d_depth, ConstImage d_silhouette, Rows gradient,
+                     Normals normal_gradient) {
   require_same_image(d_colour, d_depth);
   require_same_image(d_colour, d_silhouette);
   require(gradient.shape(0) == parameters.shape(0), "gradient needs a row for every Gaussian");
+  require(normal_gradient.shape(1) == normals.shape(1), "normal_gradient needs the shape of normals");
+  const hgs::GaussianRows rows = rows_of(parameters, normals, bounds);
+  float* of_normals = normals_of(normal_gradient, rows.n);
   const nb::gil_scoped_release release;
-  hgs::variant_kernels().rasterise.backward(rows_of(parameters, bounds),
-                                    camera_of(camera, d_depth.shape(1), d_depth.shape(0)),
-                                    {d_colour.data(), d_depth.data(), d_silhouette.data()}, gradient.data());
+  hgs::rasterise_kernels(rows).backward(rows, camera_of(camera, d_depth.shape(1), d_depth.shape(0)),
+                                        {d_colour.data(), d_depth.data(), d_silhouette.data()}, gradient.data(),
+                                        of_normals);
 }
+
+// The map's arrays that a step of optimisation moves.
+struct MovedRows {
+  Rows parameters, first_moment, second_moment;
+  Normals normals, normal_first_moment, normal_second_moment;
+  IntColumn steps;
+  Bounds bounds;
+};
 
 // What a step of optimisation works on.
 struct Step {
+  hgs::GaussianRows rows;
   hgs::AdamState adam;
   hgs::Target target;
 };
 
-Step step_of(const Rows& parameters, const Rows& first_moment, const Rows& second_moment, const IntColumn& steps,
-             const Bounds& bounds, const ConstRgb& rgb, const ConstImage& depth, const std::array<float, 4>& weights,
+Step step_of(const MovedRows& moved, const ConstRgb& rgb, const ConstImage& depth, const std::array<float, 4>& weights,
              const AdamNumbers& numbers) {
-  const std::size_t n = parameters.shape(0);
+  const std::size_t n = moved.parameters.shape(0);
   require_same_image(rgb, depth);
-  require(first_moment.shape(0) == n && second_moment.shape(0) == n && steps.shape(0) == n,
+  require(moved.first_moment.shape(0) == n && moved.second_moment.shape(0) == n && moved.steps.shape(0) == n,
           "Adam's arrays need a row for every Gaussian");
-  Step step{{parameters.data(), first_moment.data(), second_moment.data(), steps.data(), bounds.data(), {},
-             numbers[8], numbers[9], numbers[10], numbers[11], numbers[12]},
+  require(moved.normal_first_moment.shape(1) == moved.normals.shape(1) &&
+              moved.normal_second_moment.shape(1) == moved.normals.shape(1),
+          "Adam's arrays need the shape of normals");
+  Step step{rows_of(moved.parameters, moved.normals, moved.bounds),
+            {moved.parameters.data(), moved.first_moment.data(), moved.second_moment.data(), moved.steps.data(),
+             moved.bounds.data(), {}, numbers[8], numbers[9], numbers[10], numbers[11], numbers[12],
+             normals_of(moved.normals, n), normals_of(moved.normal_first_moment, n),
+             normals_of(moved.normal_second_moment, n), numbers[13]},
             {rgb.data(), depth.data(), weights[0], weights[1], weights[2], weights[3]}};
   for (int k = 0; k < hgs::N_PARAMETERS; ++k) step.adam.rates[k] = numbers[k];
   return step;
 }
 
 std::tuple<double, double, double, std::int64_t, std::int64_t> optimise_view(
-    Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
-    ConstRgb rgb, ConstImage depth, std::array<float, 4> weights, AdamNumbers adam) {
-  const Step step = step_of(parameters, first_moment, second_moment, steps, bounds, rgb, depth, weights, adam);
+    Rows parameters, Rows first_moment, Rows second_moment, Normals normals, Normals normal_first_moment,
+    Normals normal_second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera, ConstRgb rgb, ConstImage depth,
+    std::array<float, 4> weights, AdamNumbers adam) {
+  const Step step = step_of({parameters, first_moment, second_moment, normals, normal_first_moment,
+                             normal_second_moment, steps, bounds}, rgb, depth, weights, adam);
   const nb::gil_scoped_release release;
-  const hgs::LossSums loss = hgs::variant_kernels().rasterise.optimise(
-      rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), step.target, step.adam);
+  const hgs::LossSums loss = hgs::rasterise_kernels(step.rows).optimise(
+      step.rows, camera_of(camera, depth.shape(1), depth.shape(0)), step.target, step.adam);
   return {loss.total, loss.colour_l1, loss.depth_l1_m, loss.pixels, loss.covered};
 }
 
 std::tuple<double, double, double, double, double> time_stages(
-    Rows parameters, Rows first_moment, Rows second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera,
-    ConstRgb rgb, ConstImage depth, std::array<float, 4> weights, AdamNumbers adam) {
-  const Step step = step_of(parameters, first_moment, second_moment, steps, bounds, rgb, depth, weights, adam);
+    Rows parameters, Rows first_moment, Rows second_moment, Normals normals, Normals normal_first_moment,
+    Normals normal_second_moment, IntColumn steps, Bounds bounds, CameraNumbers camera, ConstRgb rgb, ConstImage depth,
+    std::array<float, 4> weights, AdamNumbers adam) {
+  const Step step = step_of({parameters, first_moment, second_moment, normals, normal_first_moment,
+                             normal_second_moment, steps, bounds}, rgb, depth, weights, adam);
   const nb::gil_scoped_release release;
-  const hgs::StageTimes times = hgs::variant_kernels().rasterise.stages(
-      rows_of(parameters, bounds), camera_of(camera, depth.shape(1), depth.shape(0)), step.target, step.adam);
+  const hgs::StageTimes times = hgs::rasterise_kernels(step.rows).stages(
+      step.rows, camera_of(camera, depth.shape(1), depth.shape(0)), step.target, step.adam);
   return {times.prepare_s, times.forward_s, times.backward_s, times.step_s, times.evaluations};
 }
 
-void add_information(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, int width, int height,
-                     Rows information) {
+void add_information(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera, int width,
+                     int height, Rows information) {
   const std::size_t n = parameters.shape(0);
   require(information.shape(0) == n, "information needs a row for every Gaussian");
   require(width > 0 && height > 0, "the image is empty");
+  const hgs::GaussianRows rows = rows_of(parameters, normals, bounds);
   const nb::gil_scoped_release release;
-  hgs::variant_kernels().rasterise.information(rows_of(parameters, bounds), camera_of(camera, width, height),
-                                       information.data());
+  hgs::rasterise_kernels(rows).information(rows, camera_of(camera, width, height), information.data());
 }
 
-void quality_image(ConstRows parameters, ConstBounds bounds, CameraNumbers camera, ConstRows information, std::array<float, 8> prior,
-                   Image image) {
+void quality_image(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera,
+                   ConstRows information, std::array<float, 8> prior, Image image) {
   require(information.shape(0) == parameters.shape(0), "information needs a row for every Gaussian");
+  const hgs::GaussianRows rows = rows_of(parameters, normals, bounds);
   const nb::gil_scoped_release release;
-  hgs::variant_kernels().rasterise.quality_image(rows_of(parameters, bounds),
-                                                 camera_of(camera, image.shape(1), image.shape(0)),
-                                                 information.data(), prior.data(), image.data());
+  hgs::rasterise_kernels(rows).quality_image(rows, camera_of(camera, image.shape(1), image.shape(0)),
+                                             information.data(), prior.data(), image.data());
 }
 
 void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float high, float min_logit_opacity,
                     std::array<double, 2> lower, double cell,
                     nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> counts) {
   const nb::gil_scoped_release release;
-  hgs::count_in_layer(rows_of(parameters, bounds),
+  hgs::count_in_layer(centres_of(parameters, bounds),
                       {low, high, min_logit_opacity, {lower[0], lower[1]}, cell,
                        static_cast<std::int64_t>(counts.shape(0)), static_cast<std::int64_t>(counts.shape(1))},
                       counts.data());
@@ -153,14 +196,14 @@ void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float h
 void bind_rasterise(nb::module_& m) {
   hgs::variant_kernels();  // a wrong HGS_KERNEL_VARIANT fails the import, not the first picture
   m.def("variant", [] { return hgs::variant_kernels().name; }, "Instruction-set variant of the kernels.");
-  m.def("render_sums", &render_sums, "parameters"_a, "block_bounds"_a, "camera"_a, "colour"_a, "depth"_a,
+  m.def("render_sums", &render_sums, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "colour"_a, "depth"_a,
         "silhouette"_a);
-  m.def("render_gradient", &render_gradient, "parameters"_a, "block_bounds"_a, "camera"_a, "d_colour"_a, "d_depth"_a,
-        "d_silhouette"_a, "gradient"_a);
-  m.def("optimise_view", &optimise_view, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
-        "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a);
-  m.def("time_stages", &time_stages, "parameters"_a, "first_moment"_a, "second_moment"_a, "steps"_a,
-        "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a,
+  m.def("render_gradient", &render_gradient, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "d_colour"_a,
+        "d_depth"_a, "d_silhouette"_a, "gradient"_a, "normal_gradient"_a);
+  m.def("optimise_view", &optimise_view, "parameters"_a, "first_moment"_a, "second_moment"_a, "normals"_a,
+        "normal_first_moment"_a, "normal_second_moment"_a, "steps"_a, "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a);
+  m.def("time_stages", &time_stages, "parameters"_a, "first_moment"_a, "second_moment"_a, "normals"_a,
+        "normal_first_moment"_a, "normal_second_moment"_a, "steps"_a, "block_bounds"_a, "camera"_a, "rgb"_a, "depth"_a, "weights"_a, "adam"_a,
         "One step of optimisation in timed passes: seconds of preparing, forward, backward, stepping; evaluations.");
   m.attr("BEHIND_M") = hgs::BEHIND_M;
   m.attr("FORWARD_OPERATIONS") = hgs::FORWARD_OPERATIONS;
@@ -172,10 +215,10 @@ void bind_rasterise(nb::module_& m) {
         return hgs::variant_kernels().multiply_add(rounds);
       },
       "rounds"_a, "Multiply-adds on registers, on every thread; returns the number of operations.");
-  m.def("add_information", &add_information, "parameters"_a, "block_bounds"_a, "camera"_a, "width"_a, "height"_a,
-        "information"_a);
-  m.def("quality_image", &quality_image, "parameters"_a, "block_bounds"_a, "camera"_a, "information"_a, "prior"_a,
-        "image"_a);
+  m.def("add_information", &add_information, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "width"_a,
+        "height"_a, "information"_a);
+  m.def("quality_image", &quality_image, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "information"_a,
+        "prior"_a, "image"_a);
   m.def("count_in_layer", &count_in_layer, "parameters"_a, "block_bounds"_a, "low"_a, "high"_a,
         "min_logit_opacity"_a, "lower"_a, "cell"_a, "counts"_a,
         "Count the Gaussians of a layer above the floor by the cells of a floor plan.");

@@ -35,8 +35,13 @@ static void list_cells(const float* parameters, std::int32_t n, const FisherGrid
   }
 }
 
-static void make_bundle(const float* parameters, const std::uint32_t* rows, std::int32_t n, const FisherRule& rule,
-                        Bundle& bundle, BundleBounds& bounds) {
+// Discs reach farther off the axis of a camera, as flat images stretch things there: so much at 37 degrees up or down.
+// To the side a ray is on the axis of its camera, and so is all that it meets but what is as large as it is near.
+inline constexpr float DISC_STRETCH = 1.25f;
+
+static void make_bundle(const float* parameters, const float* normals, const std::uint32_t* rows, std::int32_t n,
+                        const FisherRule& rule, Bundle& bundle, BundleNormals* bundle_normals, BundleBounds& bounds) {
+  const float stretch = normals == nullptr ? 1.0f : DISC_STRETCH;
   alignas(64) float log_radius[BUNDLE], logit[BUNDLE], reach[BUNDLE];
   for (int i = 0; i < BUNDLE; ++i) {
     const std::uint32_t row = rows[i < n ? i : n - 1];  // places that are left over change no bounds
@@ -47,6 +52,11 @@ static void make_bundle(const float* parameters, const std::uint32_t* rows, std:
     log_radius[i] = p[6];
     logit[i] = p[7];
     bundle.row[i] = row;
+    if (normals == nullptr) continue;
+    const float* normal = normals + N_NORMAL * static_cast<std::size_t>(row);
+    bundle_normals->x[i] = normal[0];
+    bundle_normals->y[i] = normal[1];
+    bundle_normals->z[i] = normal[2];
   }
   const float widest_low_pass = rule.low_pass * rule.range * rule.range;
   const float* centres[3] = {bundle.x, bundle.y, bundle.z};
@@ -59,7 +69,7 @@ static void make_bundle(const float* parameters, const std::uint32_t* rows, std:
     const VFloat radius = vexp(load(log_radius + i)), radius2 = radius * radius;
     const VFloat opacity = 1.0f / (1.0f + vexp(-load(logit + i)));
     const VFloat decay = 2.0f * vlog(vmax(opacity * 255.0f, splat_all(1.0f)));
-    const VFloat reaches = vsqrt(decay * (radius2 + widest_low_pass));
+    const VFloat reaches = stretch * vsqrt(decay * (radius2 + widest_low_pass));
     store(bundle.radius2 + i, radius2);
     store(bundle.decay + i, decay);
     store(reach + i, reaches);

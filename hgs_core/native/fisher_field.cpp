@@ -57,6 +57,7 @@ void FisherField::clear() {
   for (const std::size_t cell : listed_) begin_[cell] = end_[cell] = 0;
   listed_.clear();
   bundles_.clear();
+  normals_.clear();
   bounds_.clear();
   reached_.clear();
 }
@@ -164,6 +165,7 @@ void FisherField::make_bundles(const GaussianRows& map) {
     n_bundles += bundles_for(cell.n);
   }
   bundles_.resize(n_bundles);
+  if (map.normals != nullptr) normals_.resize(n_bundles);
   bounds_.resize(n_bundles);
   reached_.resize(n_bundles);
   const auto n_filled = static_cast<std::int64_t>(filled_.size());
@@ -181,8 +183,8 @@ void FisherField::make_bundles(const GaussianRows& map) {
       for (std::uint32_t i = 0; i < cell.n; ++i) rows[begin[places[i].part]++] = places[i].row;
       for (std::uint32_t i = 0, bundle = first_bundle[c]; i < cell.n; i += BUNDLE, ++bundle) {
         const auto n = static_cast<std::int32_t>(std::min<std::uint32_t>(BUNDLE, cell.n - i));
-        variant_kernels().gain.make_bundle(map.parameters, rows.data() + i, n, rule_, bundles_[bundle],
-                                           bounds_[bundle]);
+        variant_kernels().gain.make_bundle(map.parameters, map.normals, rows.data() + i, n, rule_, bundles_[bundle],
+                                           map.normals == nullptr ? nullptr : &normals_[bundle], bounds_[bundle]);
         reached_[bundle] = reached_by(bounds_[bundle]);
       }
     }

@@ -22,9 +22,9 @@ class FisherField {
   // Bundles the map's Gaussians in the wanted chunks, which are empty before.
   void gather(const GaussianRows& map, const std::uint8_t* wanted);
   // Along each ray of the panoramas of n places, per pixel of a camera of focal length 1: scores (n, elevation,
-  // azimuth). `panorama` needs its directions only. The map's parameters (n, 8) are those that were gathered;
+  // azimuth). `panorama` needs its directions only. The map is the one that was gathered;
   // information (n, 8): H_train.
-  void score(const float* parameters, const float* information, const double* positions, std::int64_t n_positions,
+  void score(const GaussianRows& map, const float* information, const double* positions, std::int64_t n_positions,
              const Panorama& panorama, FisherScore* scores) const;
 
  private:
@@ -49,6 +49,7 @@ class FisherField {
   FisherGrid grid_;
   FisherRule rule_;
   std::vector<Bundle> bundles_;
+  std::vector<BundleNormals> normals_;      // of each bundle of discs
   std::vector<BundleBounds> bounds_;        // of each bundle
   std::vector<Reached> reached_;
   std::vector<BundleList> lists_;

@@ -2,7 +2,8 @@
 // Included only by the variant files (see simd.hpp).
 #pragma once
 #include "fisher_rays.hpp"
-#include "rasterise.hpp"
+#include "rasterise_disc_slopes.hpp"
+#include "rasterise_looks.hpp"
 #include "simd.hpp"
 
 namespace hgs::HGS_VARIANT {
@@ -37,20 +38,50 @@ struct RayLine {
   std::uint32_t stamp;
 };
 
+// A ray is the pixel (0, -tangent) of a level camera of focal length 1 that looks along its azimuth; discs as that
+// camera sees them, from their place (u, v), their depth and their normals in the world.
+HGS_INLINE DiscLook disc_on_ray(const RayLine& line, const FisherRule& rule, const Vector3<VFloat>& normal, VFloat u,
+                                VFloat v, VFloat depth, VFloat radius) {
+  const VFloat size = radius / depth;
+  const LaneDisc disc{normal.x * line.sine - normal.y * line.cosine, -normal.z,
+                      normal.x * line.cosine + normal.y * line.sine, held(u, rule.widest.x), held(v, rule.widest.y), size,
+                      size, radius};
+  return look_of(disc, splat_all(rule.low_pass), VFloat{});
+}
+
+// d' Q d of the ray, for LANES Gaussians of a bundle from `base` on: at `depth`, `aside` and `below` of the ray [m].
+template <class Shape>
+HGS_INLINE VFloat square_on_ray(std::uint32_t bundle, int base, const FisherCells& cells, const FisherRule& rule,
+                                const RayLine& line, VFloat depth, VFloat aside, VFloat below) {
+  const VFloat radius2 = load(cells.bundles[bundle].radius2 + base);
+  if constexpr (std::is_same_v<Shape, Isotropic>) {
+    return (aside * aside + below * below) / (radius2 + rule.low_pass * depth * depth);
+  } else {
+    const BundleNormals& normals = cells.bundle_normals[bundle];
+    const VFloat inverse = 1.0f / vmax(depth, splat_all(NEAR_M));
+    const VFloat u = aside * inverse, dy = -below * inverse;
+    const DiscLook look = disc_on_ray(line, rule, {load(normals.x + base), load(normals.y + base), load(normals.z + base)},
+                                      u, -line.tangent - dy, vmax(depth, splat_all(NEAR_M)), vsqrt(radius2));
+    const VFloat h = -u - look.lean * dy;
+    return (1.0f / HALF_LOG2_E) * (look.across * h * h + look.down * dy * dy);
+  }
+}
+
 // Appends the Gaussians of a bundle that the ray meets.
-HGS_INLINE void meet(const Bundle& bundle, const FisherCells& cells, const FisherRule& rule, const RayLine& line,
+template <class Shape>
+HGS_INLINE void meet(std::uint32_t which, const FisherCells& cells, const FisherRule& rule, const RayLine& line,
                      Layers& layers) {
+  const Bundle& bundle = cells.bundles[which];
   for (int base = 0; base < BUNDLE; base += LANES) {
     const VFloat x = load(bundle.x + base) - line.x, y = load(bundle.y + base) - line.y;
     const VFloat depth = x * line.cosine + y * line.sine, aside = x * line.sine - y * line.cosine;
     const VFloat below = depth * line.tangent - (load(bundle.z + base) - line.z);
     const VFloat decay = load(bundle.decay + base);
-    const VFloat variance = load(bundle.radius2 + base) + rule.low_pass * depth * depth;
-    const VFloat d2 = aside * aside + below * below;
-    std::uint32_t lanes = lane_bits((d2 <= decay * variance) & (depth > NEAR_M) & (depth < rule.range));
+    const VFloat square = square_on_ray<Shape>(which, base, cells, rule, line, depth, aside, below);
+    std::uint32_t lanes = lane_bits((square <= decay) & (depth > NEAR_M) & (depth < rule.range));
     if (lanes == 0 || layers.n > MAX_LAYERS - LANES) continue;
-    // a = o exp(-d^2 / 2 sigma^2) = exp((decay - d^2 / sigma^2) / 2) / 255
-    const VFloat unclamped = vexp2((0.5f * LN_TO_LOG2) * (decay - d2 / variance)) * (1.0f / 255.0f);
+    // a = o exp(-d' Q d / 2) = exp((decay - d' Q d) / 2) / 255
+    const VFloat unclamped = vexp2((0.5f * LN_TO_LOG2) * (decay - square)) * (1.0f / 255.0f);
     alignas(64) std::int32_t depths[LANES];
     alignas(64) float alphas[LANES];
     store(depths, (VInt)depth);
@@ -123,7 +154,37 @@ HGS_INLINE void differentiate_by_opacity(const FisherCells& cells, Layers& layer
   }
 }
 
-// Derivatives as in rasterise_chain.hpp, at a focal length of 1.
+// de/dtheta on the ray, by moving a Gaussian to the right, down and forward in the camera that looks along its azimuth,
+// and by the log radius; derivatives as in rasterise_slopes.hpp, at a focal length of 1.
+struct RaySlopes {
+  VFloat right, down, forward, radial;
+};
+
+// From the Gaussian's place (u, v), its depth and its radius.
+HGS_INLINE RaySlopes ball_slopes(const RayLine& line, const FisherRule& rule, VFloat u, VFloat v, VFloat z,
+                                 VFloat radius) {
+  const VFloat inverse_z = 1.0f / z, size = radius * inverse_z, own_variance = size * size;
+  const VFloat falloff = 0.5f / (own_variance + rule.low_pass);
+  const VFloat dx = -u, dy = -line.tangent - v, d2 = dx * dx + dy * dy;
+  const VFloat two_k = 2.0f * falloff, by_pixel = two_k * inverse_z;
+  const VFloat radial = two_k * falloff * 2.0f * own_variance * d2;
+  return {by_pixel * dx, by_pixel * dy, -inverse_z * (two_k * (u * dx + v * dy) + radial), radial};
+}
+
+HGS_INLINE RaySlopes disc_slopes(const RayLine& line, const FisherRule& rule, const Vector3<VFloat>& normal, VFloat u,
+                                 VFloat v, VFloat z, VFloat log_radius) {
+  // At the origin of its own frame.
+  const PinholeCamera camera{1.0f, 1.0f, 0.0f, 0.0f, 0, 0, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {}, rule.low_pass};
+  const DiscLook look = disc_on_ray(line, rule, normal, u, v, z, vexp(log_radius));
+  const SeenDisc<VFloat> seen{u, v, z, look.across, look.lean, look.down, look.slope_h, look.slope_y, VFloat{}, log_radius,
+                              {normal.x * line.sine - normal.y * line.cosine, -normal.z,
+                               normal.x * line.cosine + normal.y * line.sine}};
+  const VFloat dy = -line.tangent - v;
+  const DiscExponent<VFloat> e = DiscSlopes<VFloat>(seen, camera, rule.widest).exponent(-u - look.lean * dy, dy);
+  return {e.x, e.y, e.z, e.log_radius};
+}
+
+template <class Shape>
 static FisherScore score_layers(const FisherCells& cells, const FisherRule& rule, const RayLine& line, Layers& layers) {
   differentiate_by_opacity(cells, layers);
   for (int i = layers.passed; i < layers.passed + LANES; ++i) {
@@ -142,14 +203,16 @@ static FisherScore score_layers(const FisherCells& cells, const FisherRule& rule
     const VFloat z = load(layers.depth + base), inverse_z = 1.0f / z;
     const VFloat x = parameter(0) - line.x, y = parameter(1) - line.y;
     const VFloat u = (x * line.sine - y * line.cosine) * inverse_z, v = (line.z - parameter(2)) * inverse_z;
-    const VFloat size = vexp(parameter(6)) * inverse_z, own_variance = size * size;
-    const VFloat falloff = 0.5f / (own_variance + rule.low_pass);
     const VFloat opacity = 1.0f / (1.0f + vexp(-parameter(7)));
-    const VFloat dx = -u, dy = -line.tangent - v, d2 = dx * dx + dy * dy;
-    const VFloat two_k = 2.0f * falloff, by_pixel = two_k * inverse_z;
-    const VFloat radial = two_k * falloff * 2.0f * own_variance * d2;  // by log radius
-    const VFloat right = by_pixel * dx, down = by_pixel * dy;
-    const VFloat forward = -inverse_z * (two_k * (u * dx + v * dy) + radial);
+    RaySlopes slopes;
+    if constexpr (std::is_same_v<Shape, Isotropic>) {
+      slopes = ball_slopes(line, rule, u, v, z, vexp(parameter(6)));
+    } else {
+      const VInt place = load(layers.row_of + base) * N_NORMAL;
+      const auto of_normal = [&](int k) HGS_LAMBDA { return gather(cells.normals + k, place, all); };
+      slopes = disc_slopes(line, rule, {of_normal(0), of_normal(1), of_normal(2)}, u, v, z, parameter(6));
+    }
+    const VFloat right = slopes.right, down = slopes.down, forward = slopes.forward, radial = slopes.radial;
     const VFloat transparency = 1.0f - opacity, share_x = share(0), share_y = share(1);
     const VFloat of_side = right * right * (line.sine * line.sine * share_x + line.cosine * line.cosine * share_y);
     const VFloat both = 2.0f * line.sine * line.cosine * right * forward * (share_x - share_y);

@@ -81,10 +81,10 @@ std::vector<FisherField::Column> FisherField::by_target(const FisherCells& cells
   return columns;
 }
 
-void FisherField::score(const float* parameters, const float* information, const double* positions,
+void FisherField::score(const GaussianRows& map, const float* information, const double* positions,
                         std::int64_t n_positions, const Panorama& panorama, FisherScore* scores) const {
   const FisherCells cells{grid_,          begin_.data(), end_.data(),  lists_.data(),
-                          bundles_.data(), parameters,    information};
+                          bundles_.data(), map.parameters, information,    map.normals, normals_.data()};
   const Directions directions(panorama);
   const std::vector<Column> columns = by_target(cells, positions, n_positions, panorama.n_azimuth);
   const auto n_columns = static_cast<std::int64_t>(columns.size());

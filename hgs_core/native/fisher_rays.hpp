@@ -2,6 +2,8 @@
 #pragma once
 #include <cstdint>
 
+#include "rasterise.hpp"
+
 namespace hgs {
 
 inline constexpr int BUNDLE = 16;  // Gaussians that are tested together
@@ -18,6 +20,7 @@ struct FisherRule {
   float low_pass;    // what a pixel's width adds to a splat's variance, at a focal length of 1
   float saturation;  // nearer than this, a Gaussian scores as from here; 0 = never [m]
   float range;       // of z-depth [m]
+  Tangents widest;   // of the camera, see rasterise.hpp; of discs alone
 };
 
 // Neighbouring Gaussians. Places that are left over have a decay of -1 and are never met.
@@ -27,6 +30,12 @@ struct Bundle {
   float decay[BUNDLE];  // 2 ln(255 o): a splat reaches sqrt(decay) standard deviations
   std::uint32_t row[BUNDLE];
   Bundle() {}  // nothing is cleared that is filled next
+};
+
+// The normals of a bundle of discs.
+struct BundleNormals {
+  float x[BUNDLE], y[BUNDLE], z[BUNDLE];
+  BundleNormals() {}
 };
 
 // Where a bundle's Gaussians reach at most: a sphere, and a box.
@@ -49,6 +58,8 @@ struct FisherCells {
   const Bundle* bundles;
   const float* parameters;   // (n, 8): centre, rgb, log radius, logit opacity
   const float* information;  // (n, 8): H_train
+  const float* normals;      // (n, 3) of discs; null: the Gaussians are isotropic
+  const BundleNormals* bundle_normals;  // of discs
 };
 
 // Rays from one place. Each is the middle column of a level camera that looks along its azimuth.
@@ -76,9 +87,10 @@ inline constexpr std::uint32_t NO_CELL = 0xffffffffu;
 // keys[i]: cell * 64 + which of its 4 x 4 x 4 parts, in Morton order, row i lies in; NO_CELL where it is too faint or
 // outside.
 using ListCells = void (*)(const float* parameters, std::int32_t n, const FisherGrid& grid, std::uint32_t* keys);
-// A bundle of n rows of the map.
-using MakeBundle = void (*)(const float* parameters, const std::uint32_t* rows, std::int32_t n, const FisherRule& rule,
-                            Bundle& bundle, BundleBounds& bounds);
+// A bundle of n rows of the map; `normals` (n, 3) and `bundle_normals` of discs, else null.
+using MakeBundle = void (*)(const float* parameters, const float* normals, const std::uint32_t* rows, std::int32_t n,
+                            const FisherRule& rule, Bundle& bundle, BundleNormals* bundle_normals,
+                            BundleBounds& bounds);
 // first[r]: the first cell that holds anything on ray r; NO_CELL where there is none.
 using FirstCells = void (*)(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays,
                             std::uint32_t* first);

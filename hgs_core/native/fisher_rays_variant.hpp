@@ -108,6 +108,7 @@ HGS_INLINE void look_ahead(const FisherCells& cells, const Crossings& crossings,
 }
 
 // Everything of which some light comes back, front to back.
+template <class Shape>
 HGS_INLINE void collect_layers(const FisherCells& cells, const FisherRule& rule, const RayLine& line,
                                const Crossings& crossings, const LookAhead& ahead, RayStamps& stamps, Layers& layers) {
   layers.n = layers.passed = layers.sorted = 0;
@@ -115,7 +116,7 @@ HGS_INLINE void collect_layers(const FisherCells& cells, const FisherRule& rule,
   int met = 0;
   for (int c = 0; c < crossings.n; ++c) {
     if (c < ahead.n) {
-      for (; met < ahead.end[c]; ++met) meet(cells.bundles[ahead.near.bundle[met]], cells, rule, line, layers);
+      for (; met < ahead.end[c]; ++met) meet<Shape>(ahead.near.bundle[met], cells, rule, line, layers);
     } else {
       // Other rays have stamped bundles since those of this one were found.
       for (int i = 0; c == ahead.n && i < ahead.near.n; ++i) stamps.of_bundle[ahead.near.bundle[i]] = line.stamp;
@@ -123,7 +124,7 @@ HGS_INLINE void collect_layers(const FisherCells& cells, const FisherRule& rule,
       for (std::uint32_t l = cells.begin[cell]; l < cells.end[cell]; ++l) {
         NearBundles near;
         find_bundles(cells, cells.lists[l], line, stamps, near);
-        for (int i = 0; i < near.n; ++i) meet(cells.bundles[near.bundle[i]], cells, rule, line, layers);
+        for (int i = 0; i < near.n; ++i) meet<Shape>(near.bundle[i], cells, rule, line, layers);
       }
     }
     if (layers.passed == layers.n) continue;
@@ -143,8 +144,9 @@ static void first_cells(const FisherCells& cells, const FisherRule& rule, const 
   }
 }
 
-static void score_rays(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays, RayStamps& stamps,
-                       FisherScore* scores) {
+template <class Shape>
+static void score_rays_of(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays, RayStamps& stamps,
+                          FisherScore* scores) {
   Layers layers;
   Crossings crossings[LANES];
   LookAhead ahead[LANES];
@@ -164,10 +166,16 @@ static void score_rays(const FisherCells& cells, const FisherRule& rule, const F
     }
     for (int i = 0; i < n; ++i) look_ahead(cells, crossings[i], lines[i], stamps, ahead[i]);
     for (int i = 0; i < n; ++i) {
-      collect_layers(cells, rule, lines[i], crossings[i], ahead[i], stamps, layers);
-      scores[first + i] = layers.passed == 0 ? FisherScore{} : score_layers(cells, rule, lines[i], layers);
+      collect_layers<Shape>(cells, rule, lines[i], crossings[i], ahead[i], stamps, layers);
+      scores[first + i] = layers.passed == 0 ? FisherScore{} : score_layers<Shape>(cells, rule, lines[i], layers);
     }
   }
+}
+
+static void score_rays(const FisherCells& cells, const FisherRule& rule, const FisherRays& rays, RayStamps& stamps,
+                       FisherScore* scores) {
+  const auto score = cells.normals == nullptr ? score_rays_of<Isotropic> : score_rays_of<Disc>;
+  score(cells, rule, rays, stamps, scores);
 }
 
 }  // namespace hgs::HGS_VARIANT

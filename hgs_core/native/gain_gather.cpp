@@ -2,7 +2,7 @@
 //
 //   optical depth of a voxel   tau = sum_i o_i 2 pi r_i^2 / face area
 //     (the integral of o exp(-d^2 / 2 r^2) over a plane is 2 pi o r^2: tau is the mean over a face of what
-//      one crossing of the voxel meets)
+//      one crossing of the voxel meets; a disc counts as if it were looked at along its normal)
 //
 // Only wanted chunks of columns are filled. The per-Gaussian part runs in parallel over blocks of rows and leaves a
 // list of what each adds to which voxel; then each thread sums its own range of voxels in the order of the rows, so

@@ -1,13 +1,21 @@
-// Splatting of isotropic Gaussians on the CPU: what goes in, what comes out, and the entry points that
-// every instruction-set variant provides.
+// Splatting of Gaussians on the CPU: what goes in, what comes out, and the entry points that every instruction-set
+// variant provides.
 //
 //   p = R c + t                      centre in the camera frame [m], z = p_z
 //   u = fx p_x / z + cx              screen position [px]; v likewise
-//   sigma^2 = (f r / z)^2 + low_pass screen variance [px^2], f = sqrt(fx fy)
-//   a = o exp(-d^2 / (2 sigma^2))    d: distance from (u, v) to a pixel's centre, at integer + 0.5
+//   a = o exp(-d' Q d / 2)           d: from (u, v) to a pixel's centre, at integer + 0.5
 //   alpha = min(0.99, a), nothing below 1/255
 //   w_i = alpha_i T_i,  T_i = prod_{j < i} (1 - alpha_j), front to back by z, until T < 1e-4
-//   C = sum rgb_i w_i,  D = sum z_i w_i,  A = sum w_i = 1 - T
+//   C = sum rgb_i w_i,  D = sum z_i(d) w_i,  A = sum w_i = 1 - T
+//
+// An isotropic Gaussian is a ball of radius r that looks the same from everywhere (SplaTAM, HGS Eq. 1):
+//   Q = 1 / sigma^2 with sigma^2 = (f r / z)^2 + low_pass [px^2], f = sqrt(fx fy);  z(d) = z
+//
+// A disc has a unit normal n and no thickness: covariance r^2 (1 - n n'), seen through the slope J of the projection
+// (EWA splatting, Zwicker et al. 2001; J as in 3D Gaussian splatting, Kerbl et al. 2023), J's tangents held within
+// 1.3 times those of the image's corners:
+//   Q = (r^2 J (1 - n n') J' + low_pass)^-1
+//   z(d) = z + d' Q s, s = r^2 J (1 - n n') e_z: the depth that the Gaussian has, in the mean, at that pixel
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -16,11 +24,13 @@ namespace hgs {
 
 inline constexpr int BLOCK = 256;       // rows that share one entry of `block_bounds`
 inline constexpr int N_PARAMETERS = 8;  // centre xyz, rgb, log radius, logit opacity
+inline constexpr int N_NORMAL = 3;      // of a disc: its unit normal, in the world
 inline constexpr float NEAR_M = 0.1f;
 inline constexpr float MIN_ALPHA = 1.0f / 255.0f;
 inline constexpr float MAX_ALPHA = 0.99f;
 inline constexpr float MIN_TRANSMITTANCE = 1e-4f;
 inline constexpr float BEHIND_M = 0.3f;  // optimising ends so far behind the farthest depth of the target
+inline constexpr float WIDEST_TANGENT = 1.3f;  // of J, in units of the image's
 inline constexpr float MIN_COVERED = 0.05f;  // below this A, C/A and D/A say nothing and are not compared
 
 struct PinholeCamera {
@@ -32,10 +42,23 @@ struct PinholeCamera {
   float far_m = __builtin_inff();  // Gaussians at this depth and beyond are not drawn
 };
 
+// Up to which |x / z| and |y / z| J of a disc is that of its own place.
+struct Tangents {
+  float x, y;
+};
+
+[[gnu::always_inline]] inline Tangents widest_tangents(const PinholeCamera& camera) {
+  const float right = static_cast<float>(camera.width) - camera.cx;
+  const float below = static_cast<float>(camera.height) - camera.cy;
+  return {WIDEST_TANGENT * (camera.cx > right ? camera.cx : right) / camera.fx,
+          WIDEST_TANGENT * (camera.cy > below ? camera.cy : below) / camera.fy};
+}
+
 struct GaussianRows {
   const float* parameters;    // (n, 8)
   std::size_t n;
   const float* block_bounds;  // (n_blocks, 6): lower, upper corner; contains centre -+ radius of every row
+  const float* normals;       // (n, 3) of discs; null: the Gaussians are isotropic
 };
 
 struct ImageSums {
@@ -65,6 +88,8 @@ struct AdamState {
   float rates[N_PARAMETERS];
   float beta1, beta2, epsilon;
   float min_log_radius, max_log_radius;
+  float *normals, *normal_first_moment, *normal_second_moment;  // (n, 3) of discs, else null
+  float normal_rate;
 };
 
 struct LossSums {
@@ -89,10 +114,12 @@ inline constexpr double FORWARD_OPERATIONS = 11.0;   // a, w, T: 3; C and D: 4 m
 inline constexpr double BACKWARD_OPERATIONS = 33.0;  // a, w, T, S, qw: 5; q: 4 multiply-adds; 1 / (1 - alpha): 4; P: 3;
                                                      // its sums: 5 would do; those of colour and depth: 4 multiply-adds
 
+// Of one kind of Gaussians.
 struct RasteriseKernels {
   void (*forward)(const GaussianRows&, const PinholeCamera&, const ImageSums&);
-  // Adds to `gradient` (n, 8).
-  void (*backward)(const GaussianRows&, const PinholeCamera&, const ImageGradients&, float* gradient);
+  // Adds to `gradient` (n, 8), and to `normal_gradient` (n, 3) of discs.
+  void (*backward)(const GaussianRows&, const PinholeCamera&, const ImageGradients&, float* gradient,
+                   float* normal_gradient);
   // The same work as `optimise` in separate, timed passes.
   StageTimes (*stages)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
   LossSums (*optimise)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);

@@ -18,9 +18,39 @@ constexpr int RADIX = 1 << RADIX_BITS;
 
 constexpr int PREFETCH_AHEAD = 12;
 
-// Calls visit(tile) for every tile that the disc of radius `reach` about (u, v) touches, row by row.
-template <class Visit>
-inline void walk_disc(float u, float v, float reach, int tiles_x, int tiles_y, Visit&& visit) {
+// From (u, v): how far to the left and to the right a splat reaches, in some rows of pixels.
+struct Chord {
+  float left, right;
+};
+
+inline float reach_y_of(const RoundSplat& splat) { return splat.reach; }
+inline float reach_y_of(const DiscSplat& splat) { return splat.reach_y; }
+
+inline float within(float a, float low, float high) { return std::min(std::max(a, low), high); }
+
+inline Chord chord_of(const RoundSplat& splat, float above, float below) {
+  const float dy = std::max(std::max(above, -below), 0.0f);
+  const float chord2 = splat.reach * splat.reach - dy * dy;
+  const float chord = chord2 > 0.0f ? __builtin_sqrtf(chord2) : 0.0f;
+  return {-chord, chord};
+}
+
+// The ellipse is widest to the right at `tilt`, to the left at -`tilt`; otherwise on the line of pixels next to there.
+inline Chord chord_of(const DiscSplat& splat, float above, float below) {
+  const float leant = splat.across * splat.lean;
+  const float tilt = leant / (leant * splat.lean + splat.down) * splat.reach_x;
+  const auto half = [&](float dy) {
+    const float share = 1.0f - dy * dy / (splat.reach_y * splat.reach_y);
+    return share > 0.0f ? __builtin_sqrtf(splat.decay / splat.across * share) : 0.0f;
+  };
+  const float at_right = within(tilt, above, below), at_left = within(-tilt, above, below);
+  return {splat.lean * at_left - half(at_left), splat.lean * at_right + half(at_right)};
+}
+
+// Calls visit(tile) for every tile that the splat touches, row by row.
+template <class Splat, class Visit>
+inline void walk_tiles(const Splat& splat, int tiles_x, int tiles_y, Visit&& visit) {
+  const float u = splat.u, v = splat.v, reach = reach_y_of(splat);
   // Compared in floats first: a splat next to the camera may reach beyond what an int holds. `reach` is rounded up
   // by more than "+ 1, then truncate" loses at whole numbers.
   const float top = (v - reach - (TILE_H - 0.5f)) * (1.0f / TILE_H) + 1.0f;
@@ -29,13 +59,9 @@ inline void walk_disc(float u, float v, float reach, int tiles_x, int tiles_y, V
   const int first_y = top > 0.0f ? static_cast<int>(top) : 0;
   const int last_y = bottom < tiles_y - 1 ? static_cast<int>(bottom) : tiles_y - 1;
   for (int ty = first_y; ty <= last_y; ++ty) {
-    const float above = ty * TILE_H + 0.5f - v;
-    const float below = v - (ty * TILE_H + TILE_H - 0.5f);
-    const float dy = std::max(std::max(above, below), 0.0f);
-    const float chord2 = reach * reach - dy * dy;
-    const float chord = chord2 > 0.0f ? __builtin_sqrtf(chord2) : 0.0f;
-    const float left = (u - chord - (TILE_W - 0.5f)) * (1.0f / TILE_W) + 1.0f;
-    const float right = (u + chord - 0.5f) * (1.0f / TILE_W);
+    const Chord chord = chord_of(splat, ty * TILE_H + 0.5f - v, ty * TILE_H + TILE_H - 0.5f - v);
+    const float left = (u + chord.left - (TILE_W - 0.5f)) * (1.0f / TILE_W) + 1.0f;
+    const float right = (u + chord.right - 0.5f) * (1.0f / TILE_W);
     if (!(left < tiles_x) || !(right >= 0.0f)) continue;
     const int first_x = left > 0.0f ? static_cast<int>(left) : 0;
     const int last_x = right < tiles_x - 1 ? static_cast<int>(right) : tiles_x - 1;
@@ -43,10 +69,10 @@ inline void walk_disc(float u, float v, float reach, int tiles_x, int tiles_y, V
   }
 }
 
-template <class Visit>
+template <class Splat, class Visit>
 inline void for_each_tile(const TileSpan& span, const Splat& splat, int tiles_x, int tiles_y, Visit&& visit) {
   if (span.mask == 0) {
-    walk_disc(splat.u, splat.v, splat.reach, tiles_x, tiles_y, visit);
+    walk_tiles(splat, tiles_x, tiles_y, visit);
     return;
   }
   const int corner = span.y * tiles_x + span.x;
@@ -65,13 +91,14 @@ inline Range share(std::size_t count, int thread, int threads) {
 }
 
 // Numbers the pairs of each splat, and lists (depth, slot) of all splats.
+template <class Shape>
 void list_keys(Workspace& workspace) {
   const std::size_t n_blocks = workspace.n_visible_blocks;
   const int tiles_x = workspace.tiles_x, tiles_y = workspace.tiles_y;
   const std::uint32_t* block_splats = workspace.block_splats.get();
   std::uint32_t* splats_before = workspace.splats_before.require(n_blocks + 1);
   std::uint32_t* pairs_before = workspace.pairs_before.require(n_blocks + 1);
-  const Splat* splats = workspace.splats.get();
+  const typename Shape::Splat* splats = workspace.of<Shape>().splats.get();
   TileSpan* spans = workspace.spans.get();
 #pragma omp parallel for schedule(static)
   for (std::size_t i = 0; i < n_blocks; ++i) {
@@ -82,8 +109,7 @@ void list_keys(Workspace& workspace) {
       if (spans[slot].mask != 0) {
         pairs += spans[slot].count;
       } else {
-        const Splat& splat = splats[slot];
-        walk_disc(splat.u, splat.v, splat.reach, tiles_x, tiles_y, [&](int) { ++pairs; });
+        walk_tiles(splats[slot], tiles_x, tiles_y, [&](int) { ++pairs; });
       }
     }
     pairs_before[i + 1] = pairs;
@@ -143,12 +169,13 @@ void sort_keys(Workspace& workspace) {
   }
 }
 
+template <class Shape>
 void list_by_tile(Workspace& workspace) {
   const std::size_t n = workspace.n_splats;
   const int tiles_x = workspace.tiles_x, tiles_y = workspace.tiles_y;
   const std::size_t n_tiles = std::size_t{1} * tiles_x * tiles_y;
   const std::uint64_t* keys = workspace.keys.get();  // two passes: back where they started
-  const Splat* splats = workspace.splats.get();
+  const typename Shape::Splat* splats = workspace.of<Shape>().splats.get();
   const TileSpan* spans = workspace.spans.get();
   std::uint32_t* tile_begin = workspace.tile_begin.require(n_tiles + 1);
   std::uint32_t* counts = workspace.histograms.require(n_tiles * omp_get_max_threads());
@@ -196,10 +223,14 @@ void list_by_tile(Workspace& workspace) {
 
 }  // namespace
 
+template <class Shape>
 void bin_splats(Workspace& workspace) {
-  list_keys(workspace);
+  list_keys<Shape>(workspace);
   sort_keys(workspace);
-  list_by_tile(workspace);
+  list_by_tile<Shape>(workspace);
 }
+
+template void bin_splats<Isotropic>(Workspace& workspace);
+template void bin_splats<Disc>(Workspace& workspace);
 
 }  // namespace hgs

@@ -2,7 +2,8 @@
 //
 // A block's bounds contain centre -+ radius of each of its rows, so no radius in it is more than half its shortest
 // edge. A splat reaches at most sqrt(2 ln 255) < 3.34 standard deviations; with sigma^2 = (f r / z)^2 + 0.3 that is
-// at most 3.34 (f r / z + 0.55) pixels: bounds grown by 3.34 radii against an image grown by 1.84 pixels.
+// at most 3.34 (f r / z + 0.55) pixels: bounds grown by 3.34 radii against an image grown by 1.84 pixels. Discs reach
+// farther off the axis, as flat images stretch things there: sqrt(1 + tan^2) times as far.
 #include <cmath>
 
 #include "rasterise_workspace.hpp"
@@ -10,11 +11,15 @@
 namespace hgs {
 
 void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace) {
-  constexpr float REACH = 3.34f;
+  const Tangents widest = widest_tangents(camera);
+  const float stretch = gaussians.normals == nullptr
+                            ? 1.0f
+                            : std::sqrt(1.0f + std::fmax(widest.x * widest.x, widest.y * widest.y));
+  constexpr float DEVIATIONS = 3.34f;
   const std::size_t n_blocks = (gaussians.n + BLOCK - 1) / BLOCK;
   std::uint32_t* visible = workspace.visible_blocks.require(n_blocks);
-  const float margin_px = REACH * std::sqrt(camera.low_pass_px2) + 0.01f;
-  const float f = std::sqrt(camera.fx * camera.fy);
+  const float margin_px = DEVIATIONS * std::sqrt(camera.low_pass_px2) + 0.01f;
+  const float f = gaussians.normals == nullptr ? std::sqrt(camera.fx * camera.fy) : std::fmax(camera.fx, camera.fy);
 
   // Half-spaces n . p + offset z-wise: p is inside when n . p >= 0; all but the near plane pass through the camera.
   const float planes[4][3] = {
@@ -52,7 +57,7 @@ void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Wor
     }
     bool inside = depth + depth_extent > NEAR_M - 1e-4f && depth - depth_extent < camera.far_m + 1e-4f;
     // A splat's reach f r / z in pixels is r along x or y in the camera, times f in units of n . p.
-    const float reach = REACH * shortest * f;
+    const float reach = DEVIATIONS * stretch * shortest * f;
     for (int k = 0; inside && k < 4; ++k) {
       float distance = offsets[k], extent = 0.0f;
       for (int j = 0; j < 3; ++j) {

@@ -1,8 +1,8 @@
 // How a tile's pixels lie in memory, and which splats reach which of them.
 // Included only by the variant files (see simd.hpp).
 //
-// A tile is cut into patches of 4 x 4 pixels: a disc touches a third fewer of these than rows of 16 pixels.
-// An isotropic splat separates: a = (o 2^(-k dy^2)) 2^(-k dx^2), so a tile costs exponentials per row and per
+// A tile is cut into patches of 4 x 4 pixels: a splat touches a third fewer of these than rows of 16 pixels.
+// A round splat separates: a = (o 2^(-k dy^2)) 2^(-k dx^2), so a tile costs exponentials per row and per
 // column, none per pixel.
 #pragma once
 #include "rasterise_workspace.hpp"
@@ -69,8 +69,21 @@ HGS_INLINE void frame_tile(const Tile& tile, TileFrame& frame) {
   }
 }
 
+// A lane's place from the first pixel of its vector.
+HGS_INLINE VFloat lane_x() {
+  VFloat x;
+  for (int i = 0; i < LANES; ++i) x[i] = static_cast<float>(i % EDGE);
+  return x;
+}
+
+HGS_INLINE VFloat lane_y() {
+  VFloat y;
+  for (int i = 0; i < LANES; ++i) y[i] = static_cast<float>(i / EDGE);
+  return y;
+}
+
 // Bit i: some pixel of patch i lies within the splat's reach.
-HGS_INLINE std::uint32_t patches_within(const Splat& splat, const TileFrame& frame) {
+HGS_INLINE std::uint32_t patches_within(const RoundSplat& splat, const TileFrame& frame) {
   const VFloat u = splat_all(splat.u), v = splat_all(splat.v), reach = splat_all(splat.reach);
   std::uint32_t bits = 0;
   for (int first = 0; first < PATCHES; first += LANES) {
@@ -81,7 +94,29 @@ HGS_INLINE std::uint32_t patches_within(const Splat& splat, const TileFrame& fra
   return bits;
 }
 
-HGS_INLINE void trace(const Splat& splat, TileEntry entry, const TileFrame& frame, std::uint32_t open, Trace& out) {
+HGS_INLINE VFloat exponent_of(const DiscSpot& spot, VFloat dx, VFloat dy) {
+  const VFloat h = dx - spot.lean * dy;
+  return spot.across * h * h + spot.down * dy * dy;
+}
+
+// The exponent is least, in a rectangle that (u, v) lies outside of, on one of the edges that face (u, v): on each at
+// the foot of the edge, as far as the edge goes.
+HGS_INLINE std::uint32_t patches_within(const DiscSplat& splat, const TileFrame& frame) {
+  const float leant = splat.across * splat.lean, foot_y = leant / (leant * splat.lean + splat.down);
+  std::uint32_t bits = 0;
+  for (int first = 0; first < PATCHES; first += LANES) {
+    const VFloat left = load(frame.left + first) - splat.u, right = load(frame.right + first) - splat.u;
+    const VFloat top = load(frame.top + first) - splat.v, bottom = load(frame.bottom + first) - splat.v;
+    const VFloat dx = vmax(vmin(VFloat{}, right), left), dy = vmax(vmin(VFloat{}, bottom), top);
+    const VFloat upright = exponent_of(splat, dx, vmax(vmin(foot_y * dx, bottom), top));
+    const VFloat level = exponent_of(splat, vmax(vmin(splat.lean * dy, right), left), dy);
+    bits |= mask_bits(at_least(splat_all(splat.decay), vmin(upright, level))) << first;
+  }
+  return bits;
+}
+
+HGS_INLINE void trace(const RoundSplat& splat, TileEntry entry, const TileFrame& frame, std::uint32_t open,
+                      RoundTrace& out) {
   const VFloat falloff = splat_all(splat.falloff), opacity = splat_all(splat.opacity);
   for (int x = 0; x < TILE_W; x += LANES) {
     const VFloat dx = load(frame.column + x) - splat.u;
@@ -96,11 +131,35 @@ HGS_INLINE void trace(const Splat& splat, TileEntry entry, const TileFrame& fram
   out.patches = patches_within(splat, frame) & open;
 }
 
-// o 2^(-k d^2) in one vector of a patch.
-HGS_INLINE VFloat footprint(const Trace& trace, std::uint32_t patch, int part) {
+HGS_INLINE void trace(const DiscSplat& splat, TileEntry entry, const TileFrame& frame, std::uint32_t open,
+                      DiscTrace& out) {
+  out.spot = splat;
+  out.entry = entry;
+  out.patches = patches_within(splat, frame) & open;
+}
+
+// One vector of a patch: what a splat is there, before any clamping, and at what depth.
+struct RoundFootprint {
+  VFloat a, depth;
+};
+
+// ... and where the pixels are from (u, v), sheared (see DiscSpot).
+struct DiscFootprint {
+  VFloat a, depth, h, dy;
+};
+
+HGS_INLINE RoundFootprint footprint(const RoundTrace& trace, const TileFrame&, std::uint32_t patch, int part) {
   const float* along = trace.along + patch % PATCHES_X * EDGE;
   const float* down = trace.down + patch / PATCHES_X * EDGE;
-  return spread_columns(along) * spread_rows(down, part);
+  return {spread_columns(along) * spread_rows(down, part), splat_all(trace.spot.z)};
+}
+
+HGS_INLINE DiscFootprint footprint(const DiscTrace& trace, const TileFrame& frame, std::uint32_t patch, int part) {
+  const DiscSpot& spot = trace.spot;
+  const VFloat dx = lane_x() + (frame.left[patch] - spot.u);
+  const VFloat dy = lane_y() + (frame.top[patch] + static_cast<float>(part * PART_ROWS) - spot.v);
+  const VFloat h = dx - spot.lean * dy, exponent = spot.across * h * h + spot.down * dy * dy;
+  return {spot.opacity * vexp2_minus(exponent), spot.z + spot.slope_h * h + spot.slope_y * dy, h, dy};
 }
 
 // min(a, MAX_ALPHA) where the splat counts, else 0.

@@ -5,7 +5,7 @@
 // as well: with q_i = dL/dw_i and S = sum_{j > i} q_j w_j (the final sum less what has gone by),
 // dL/dalpha_i = T_i q_i - S / (1 - alpha_i): no alphas are stored.
 #pragma once
-#include "rasterise_patches.hpp"
+#include "rasterise_sums.hpp"
 
 namespace hgs::HGS_VARIANT {
 
@@ -28,28 +28,33 @@ HGS_INLINE std::uint32_t open_patches(const ForwardTile& state) {
   return open;
 }
 
-HGS_INLINE void draw(const Trace& trace, std::uint32_t patch, ForwardTile& state) {
+template <class Trace>
+HGS_INLINE void draw(const Trace& trace, const TileFrame& frame, std::uint32_t patch, ForwardTile& state) {
   for (int part = 0; part < PARTS; ++part) {
     float* pixels = state.patches[patch][0] + part * LANES;
     const VFloat T = load(pixels + T_PLANE * PATCH);
-    const VFloat weight = masked_alpha(footprint(trace, patch, part), T) * T;
+    const auto here = footprint(trace, frame, patch, part);
+    const VFloat weight = masked_alpha(here.a, T) * T;
     store(pixels + T_PLANE * PATCH, T - weight);
     store(pixels + R_PLANE * PATCH, load(pixels + R_PLANE * PATCH) + trace.spot.r * weight);
     store(pixels + G_PLANE * PATCH, load(pixels + G_PLANE * PATCH) + trace.spot.g * weight);
     store(pixels + B_PLANE * PATCH, load(pixels + B_PLANE * PATCH) + trace.spot.b * weight);
-    store(pixels + D_PLANE * PATCH, load(pixels + D_PLANE * PATCH) + trace.spot.z * weight);
+    store(pixels + D_PLANE * PATCH, load(pixels + D_PLANE * PATCH) + here.depth * weight);
   }
 }
 
 // What a forward sweep leaves behind: the traces of a tile's first `n` entries, up to where it went opaque.
+template <class Shape>
 struct Traces {
-  const Trace* first;
+  const typename Shape::Trace* first;
   std::uint32_t n;
 };
 
 // A batch is traced first and drawn then: with its (splat, patch) pairs in one list, no loop ends after a number of
 // patches that the processor cannot foresee.
-static Traces sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& state, Trace* traces) {
+template <class Shape>
+static Traces<Shape> sweep_forward(const Tile& tile, const typename Shape::Splat* splats, ForwardTile& state,
+                                   typename Shape::Trace* traces) {
   TileFrame frame;
   frame_tile(tile, frame);
   std::uint32_t items[BATCH * PATCHES + PATCHES];  // PATCHES * number in the batch + patch
@@ -57,7 +62,7 @@ static Traces sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& 
     const std::uint32_t open = open_patches(state);
     if (open == 0) return {traces, first};
     const std::uint32_t left = tile.n_entries - first, count = left < BATCH ? left : BATCH;
-    Trace* batch = traces + first;
+    typename Shape::Trace* batch = traces + first;
     int n_items = 0;
     for (std::uint32_t i = 0; i < count; ++i) {
       const TileEntry entry = tile.entries[first + i];
@@ -65,91 +70,48 @@ static Traces sweep_forward(const Tile& tile, const Splat* splats, ForwardTile& 
       trace(splats[entry.slot], entry, frame, open, batch[i]);
       n_items += list_bits(batch[i].patches, PATCHES * i, items + n_items);
     }
-    for (int k = 0; k < n_items; ++k) draw(batch[items[k] / PATCHES], items[k] % PATCHES, state);
+    for (int k = 0; k < n_items; ++k) draw(batch[items[k] / PATCHES], frame, items[k] % PATCHES, state);
   }
   return {traces, tile.n_entries};
 }
-
-// What a pair's eight sums mean after a backward sweep; P = alpha dL/dalpha.
-enum { SUM_P, SUM_P_DX, SUM_P_DY, SUM_P_D2, SUM_R, SUM_G, SUM_B, SUM_Z };
 
 // Gradients with respect to C, D and A (dr .. da), T, and S = the part of dL/dw . w still to come.
 enum { GT_PLANE, S_PLANE, DR_PLANE, DG_PLANE, DB_PLANE, DD_PLANE, DA_PLANE, GRADIENT_PLANES };
 using GradientTile = TilePlanes<GRADIENT_PLANES>;
 
-// Where the first pixels of a tile's vectors lie as seen from a splat: (x, y), and x^2 + y^2.
-struct VectorOrigins {
-  alignas(64) float x[PATCHES], y[PARTS][PATCHES], d2[PARTS][PATCHES];
-};
-
-HGS_INLINE void origins_from(const Spot& spot, const TileFrame& frame, VectorOrigins& origins) {
-  for (int first = 0; first < PATCHES; first += LANES) {
-    const VFloat x = load(frame.left + first) - spot.u;
-    store(origins.x + first, x);
-    for (int part = 0; part < PARTS; ++part) {
-      const VFloat y = load(frame.top + first) - (spot.v - static_cast<float>(part * PART_ROWS));
-      store(origins.y[part] + first, y);
-      store(origins.d2[part] + first, x * x + y * y);
-    }
-  }
-}
-
-// A lane's place from the first pixel of its vector.
-HGS_INLINE VFloat lane_x() {
-  VFloat x;
-  for (int i = 0; i < LANES; ++i) x[i] = static_cast<float>(i % EDGE);
-  return x;
-}
-
-HGS_INLINE VFloat lane_y() {
-  VFloat y;
-  for (int i = 0; i < LANES; ++i) y[i] = static_cast<float>(i / EDGE);
-  return y;
-}
-
-static void sweep_backward(const Tile& tile, Traces traces, GradientTile& state, float* pair_sums) {
-  const VFloat lx = lane_x(), ly = lane_y(), l2 = lx * lx + ly * ly;
+template <class Shape>
+static void sweep_backward(const Tile& tile, Traces<Shape> traces, GradientTile& state, float* pair_sums) {
   TileFrame frame;
   frame_tile(tile, frame);
-  VectorOrigins origins;
+  BackwardOrigins<Shape> origins;
   for (std::uint32_t i = 0; i < traces.n; ++i) {
-    const Trace& trace = traces.first[i];
-    origins_from(trace.spot, frame, origins);
+    const typename Shape::Trace& trace = traces.first[i];
+    origins.see_from(trace.spot, frame);
     const std::uint32_t ahead = i + PREFETCH_SUMS < traces.n ? i + PREFETCH_SUMS : i;
-    __builtin_prefetch(pair_sums + 8 * std::size_t{traces.first[ahead].entry.pair}, 1);
+    __builtin_prefetch(pair_sums + Shape::SUMS * std::size_t{traces.first[ahead].entry.pair}, 1);
     const VFloat red = splat_all(trace.spot.r), green = splat_all(trace.spot.g), blue = splat_all(trace.spot.b);
-    const VFloat depth = splat_all(trace.spot.z);
-    VFloat p{}, px{}, py{}, pd{}, r{}, g{}, b{}, z{};  // px, py, pd: P times a vector's origin
+    BackwardSums<Shape> sums;
     for (std::uint32_t bits = trace.patches; bits != 0; bits &= bits - 1) {
       const std::uint32_t patch = static_cast<std::uint32_t>(__builtin_ctz(bits));
       for (int part = 0; part < PARTS; ++part) {
         float* pixels = state.patches[patch][0] + part * LANES;
         const VFloat T = load(pixels + GT_PLANE * PATCH);
-        const VFloat a = footprint(trace, patch, part);
-        const VFloat alpha = masked_alpha(a, T);
+        const auto here = footprint(trace, frame, patch, part);
+        const VFloat alpha = masked_alpha(here.a, T);
         const VFloat weight = alpha * T;
         const VFloat dr = load(pixels + DR_PLANE * PATCH), dg = load(pixels + DG_PLANE * PATCH);
         const VFloat db = load(pixels + DB_PLANE * PATCH), dd = load(pixels + DD_PLANE * PATCH);
-        const VFloat q = dr * red + (dg * green + (db * blue + (dd * depth + load(pixels + DA_PLANE * PATCH))));
+        const VFloat q = dr * red + (dg * green + (db * blue + (dd * here.depth + load(pixels + DA_PLANE * PATCH))));
         const VFloat qw = q * weight;
         const VFloat S = load(pixels + S_PLANE * PATCH) - qw;
         store(pixels + GT_PLANE * PATCH, T - weight);
         store(pixels + S_PLANE * PATCH, S);
-        const VMask free = at_least(splat_all(MAX_ALPHA), a);
+        const VMask free = at_least(splat_all(MAX_ALPHA), here.a);
         const VFloat P = where(free, qw - S * (alpha * inverse(1.0f - alpha)));
-        p += P;
-        px += P * origins.x[patch];
-        py += P * origins.y[part][patch];
-        pd += P * origins.d2[part][patch];
-        r += dr * weight;
-        g += dg * weight;
-        b += db * weight;
-        z += dd * weight;
+        sums.add(here, P, dr * weight, dg * weight, db * weight, dd * weight, origins, patch, part);
       }
     }
-    // With (x, y) the origin of a vector and (lx, ly) a lane's place in it, d^2 = x^2 + y^2 + 2 (x lx + y ly) + l^2.
-    const VFloat sums[8] = {p, px + p * lx, py + p * ly, pd + 2.0f * (px * lx + py * ly) + p * l2, r, g, b, z};
-    sum_lanes_of_8(sums, pair_sums + 8 * std::size_t{trace.entry.pair});
+    sums.write(pair_sums + Shape::SUMS * std::size_t{trace.entry.pair});
   }
 }
 

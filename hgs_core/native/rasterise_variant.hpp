@@ -18,21 +18,24 @@ HGS_INLINE Tile tile_at(const Workspace& workspace, int index) {
 }
 
 // Splats behind the point where a tile went opaque got nothing.
+template <class Shape>
 HGS_INLINE void clear_pairs(const Tile& tile, std::uint32_t first, float* pair_sums) {
   for (std::uint32_t i = first; i < tile.n_entries; ++i) {
-    *reinterpret_cast<VFloat8*>(pair_sums + 8 * std::size_t{tile.entries[i].pair}) = VFloat8{};
+    float* sums = pair_sums + Shape::SUMS * std::size_t{tile.entries[i].pair};
+    for (int k = 0; k < Shape::SUMS; k += 8) store8(sums + k, VFloat8{});
   }
 }
 
 // Sweeps every tile forward, then calls visit(index, tile, window, state, traces).
-template <class Visit>
+template <class Shape, class Visit>
 HGS_INLINE void for_each_tile_forward(Workspace& workspace, const PinholeCamera& camera, Visit&& visit) {
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
-  Trace* traces = workspace.traces.require(std::size_t{workspace.most_entries} * omp_get_max_threads());
+  const std::size_t n_traces = std::size_t{workspace.most_entries} * omp_get_max_threads();
+  typename Shape::Trace* traces = workspace.of<Shape>().traces.require(n_traces);
 #pragma omp parallel
   {
     const FlushDenormals flush;
-    Trace* mine = traces + std::size_t{workspace.most_entries} * omp_get_thread_num();
+    typename Shape::Trace* mine = traces + std::size_t{workspace.most_entries} * omp_get_thread_num();
     ForwardTile state;
 #pragma omp for schedule(dynamic, 4)
     for (int index = 0; index < n_tiles; ++index) {
@@ -40,17 +43,18 @@ HGS_INLINE void for_each_tile_forward(Workspace& workspace, const PinholeCamera&
       const Window window = window_of(camera, index % workspace.tiles_x, index / workspace.tiles_x);
       __builtin_memset(&state, 0, sizeof(state));
       fill_transmittance(state, window.width, window.height);
-      visit(index, tile, window, state, sweep_forward(tile, workspace.splats.get(), state, mine));
+      visit(index, tile, window, state, sweep_forward<Shape>(tile, workspace.of<Shape>().splats.get(), state, mine));
     }
   }
 }
 
+template <class Shape>
 static void forward(const GaussianRows& gaussians, const PinholeCamera& camera, const ImageSums& image) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare(gaussians, camera, workspace);
-  for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile&, const Window& window, const ForwardTile& state, Traces) {
+  prepare<Shape>(gaussians, camera, workspace);
+  for_each_tile_forward<Shape>(workspace, camera,
+                        [&](int, const Tile&, const Window& window, const ForwardTile& state, Traces<Shape>) {
                           for (int y = 0; y < window.height; ++y) {
                             const std::size_t first = window.first_pixel + std::size_t{1} * y * camera.width;
                             for (int x = 0; x < window.width; ++x) {
@@ -66,38 +70,41 @@ static void forward(const GaussianRows& gaussians, const PinholeCamera& camera, 
                         });
 }
 
+template <class Shape>
 static void backward(const GaussianRows& gaussians, const PinholeCamera& camera, const ImageGradients& image,
-                     float* gradient) {
+                     float* gradient, [[maybe_unused]] float* normal_gradient) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare(gaussians, camera, workspace);
-  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
-  for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+  prepare<Shape>(gaussians, camera, workspace);
+  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
+  for_each_tile_forward<Shape>(workspace, camera,
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces<Shape> traces) {
                           GradientTile gradients;
                           gradients_of_image(state, window, camera, image, gradients);
-                          sweep_backward(tile, traces, gradients, pair_sums);
-                          clear_pairs(tile, traces.n, pair_sums);
+                          sweep_backward<Shape>(tile, traces, gradients, pair_sums);
+                          clear_pairs<Shape>(tile, traces.n, pair_sums);
                         });
-  add_gradients(workspace, camera, gradient);
+  add_gradients<Shape>(gaussians, workspace, camera, gradient, normal_gradient);
 }
 
 // Both sweeps of every tile, with the loss between them. `second_half_s`, unless null: per thread, the time spent on the
 // loss and the backward sweep is added to it.
+template <class Shape>
 static void sweep_loss(Workspace& workspace, const PinholeCamera& camera, const Target& target, const LossScale& scale,
                        float* pair_sums, double* tile_losses, double* second_half_s) {
-  for_each_tile_forward(
+  for_each_tile_forward<Shape>(
       workspace, camera,
-      [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+      [&](int index, const Tile& tile, const Window& window, const ForwardTile& state, Traces<Shape> traces) {
         const double began = second_half_s == nullptr ? 0.0 : omp_get_wtime();
         GradientTile gradients;
         gradients_of_loss(state, window, camera, target, scale, gradients, tile_losses + LOSS_SUMS * index);
-        sweep_backward(tile, traces, gradients, pair_sums);
-        clear_pairs(tile, traces.n, pair_sums);
+        sweep_backward<Shape>(tile, traces, gradients, pair_sums);
+        clear_pairs<Shape>(tile, traces.n, pair_sums);
         if (second_half_s != nullptr) second_half_s[omp_get_thread_num()] += omp_get_wtime() - began;
       });
 }
 
+template <class Shape>
 static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& whole, const Target& target,
                          const AdamState& adam) {
   LossSums loss;
@@ -109,13 +116,13 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   camera.far_m = std::min(whole.far_m, valid.farthest + BEHIND_M);
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare(gaussians, camera, workspace);
-  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
+  prepare<Shape>(gaussians, camera, workspace);
+  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{LOSS_SUMS} * n_tiles);
   const LossScale scale = loss_scale(target, loss.pixels);
-  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses, nullptr);
-  step_visible(workspace, camera, adam);
+  sweep_loss<Shape>(workspace, camera, target, scale, pair_sums, tile_losses, nullptr);
+  step_visible<Shape>(gaussians, workspace, camera, adam);
   double uncovered = 0.0, covered = 0.0, in_the_way = 0.0;
   for (int index = 0; index < n_tiles; ++index) {
     loss.colour_l1 += tile_losses[LOSS_SUMS * index];
@@ -135,6 +142,7 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   return loss;
 }
 
+template <class Shape>
 static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& camera, const Target& target,
                          const AdamState& adam) {
   const WorkspaceLease lease;
@@ -146,9 +154,9 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
     began = now;
     return spent;
   };
-  prepare(gaussians, camera, workspace);
+  prepare<Shape>(gaussians, camera, workspace);
   times.prepare_s = lap();
-  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
+  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{LOSS_SUMS} * n_tiles);
   const LossScale scale = loss_scale(target, valid_depths(target, camera).pixels + 1);
@@ -156,13 +164,13 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   double* second_half_s = workspace.thread_times.require(std::size_t{1} * threads);
   for (int t = 0; t < threads; ++t) second_half_s[t] = 0.0;
   began = omp_get_wtime();
-  sweep_loss(workspace, camera, target, scale, pair_sums, tile_losses, second_half_s);
+  sweep_loss<Shape>(workspace, camera, target, scale, pair_sums, tile_losses, second_half_s);
   for (int t = 0; t < threads; ++t) times.backward_s += second_half_s[t] / threads;
   times.forward_s = lap() - times.backward_s;
-  step_visible(workspace, camera, adam);
+  step_visible<Shape>(gaussians, workspace, camera, adam);
   times.step_s = lap();
-  for_each_tile_forward(workspace, camera,
-                        [&](int index, const Tile&, const Window&, const ForwardTile&, Traces traces) {
+  for_each_tile_forward<Shape>(workspace, camera,
+                        [&](int index, const Tile&, const Window&, const ForwardTile&, Traces<Shape> traces) {
                           std::uint64_t patches = 0;
                           for (std::uint32_t i = 0; i < traces.n; ++i) {
                             patches += __builtin_popcount(traces.first[i].patches);
@@ -173,33 +181,35 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
   return times;
 }
 
+template <class Shape>
 static void information(const GaussianRows& gaussians, const PinholeCamera& camera, float* information) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare(gaussians, camera, workspace);
-  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * 8);
-  for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+  prepare<Shape>(gaussians, camera, workspace);
+  float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
+  for_each_tile_forward<Shape>(workspace, camera,
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces<Shape> traces) {
                           FisherTile fisher;
                           start_fisher(state, window, fisher);
-                          sweep_fisher(tile, traces, fisher, pair_sums);
-                          clear_pairs(tile, traces.n, pair_sums);
+                          sweep_fisher<Shape>(tile, traces, fisher, pair_sums);
+                          clear_pairs<Shape>(tile, traces.n, pair_sums);
                         });
-  add_information(workspace, camera, information);
+  add_information<Shape>(gaussians, workspace, camera, information);
 }
 
+template <class Shape>
 static void quality_image(const GaussianRows& gaussians, const PinholeCamera& camera, const float* information,
                           const float* prior, float* image) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare(gaussians, camera, workspace);
-  quality_coefficients(workspace, camera, information, prior);
+  prepare<Shape>(gaussians, camera, workspace);
+  quality_coefficients<Shape>(gaussians, workspace, camera, information, prior);
   const float* coefficients = workspace.slot_coefficients.get();
-  for_each_tile_forward(workspace, camera,
-                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces traces) {
+  for_each_tile_forward<Shape>(workspace, camera,
+                        [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces<Shape> traces) {
                           FisherTile fisher;
                           start_fisher(state, window, fisher);
-                          sweep_quality(tile, traces, fisher, coefficients);
+                          sweep_quality<Shape>(tile, traces, fisher, coefficients);
                           for (int y = 0; y < window.height; ++y) {
                             float* out = image + window.first_pixel + std::size_t{1} * y * camera.width;
                             for (int x = 0; x < window.width; ++x) {
@@ -208,6 +218,11 @@ static void quality_image(const GaussianRows& gaussians, const PinholeCamera& ca
                             }
                           }
                         });
+}
+
+template <class Shape>
+constexpr RasteriseKernels rasterise_kernels_of() {
+  return {forward<Shape>, backward<Shape>, stages<Shape>, optimise<Shape>, information<Shape>, quality_image<Shape>};
 }
 
 }  // namespace hgs::HGS_VARIANT

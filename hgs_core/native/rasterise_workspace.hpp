@@ -11,9 +11,10 @@ namespace hgs {
 
 inline constexpr int TILE_W = 16;
 inline constexpr int TILE_H = 16;
+inline constexpr float HALF_LOG2_E = 0.72134752f;
 
-// What a pixel has to know of a Gaussian.
-struct alignas(32) Spot {
+// What a pixel has to know of an isotropic Gaussian.
+struct alignas(32) RoundSpot {
   float u, v;     // [px]
   float falloff;  // log2(e) / (2 sigma^2): a = opacity * 2^(-falloff d^2)
   float opacity;
@@ -21,8 +22,8 @@ struct alignas(32) Spot {
   float z;        // [m]
 };
 
-// A Gaussian on the screen: one line of cache.
-struct alignas(64) Splat : Spot {
+// An isotropic Gaussian on the screen: one line of cache.
+struct alignas(64) RoundSplat : RoundSpot {
   float reach;             // where a falls below 1/255 [px], rounded up
   float own_variance;      // (f r / z)^2 [px^2]
   std::uint32_t row;       // in the map
@@ -49,16 +50,66 @@ struct TileEntry {
   std::uint32_t pair;
 };
 
-// What one splat does to one tile, separated into columns and rows: a = along[x] down[y].
-struct alignas(64) Trace {
+// What one round splat does to one tile, separated into columns and rows: a = along[x] down[y].
+struct alignas(64) RoundTrace {
   float along[TILE_W];    // 2^(-falloff dx^2)
   float down[TILE_H];     // opacity 2^(-falloff dy^2)
-  Spot spot;
+  RoundSpot spot;
   TileEntry entry;
   std::uint32_t patches;  // bit i: the splat reaches patch i of the tile, which still let light through
 };
 
-struct Workspace {
+// What a pixel has to know of a disc.
+struct alignas(16) DiscSpot {
+  float u, v;                // [px]
+  // With h = dx - lean dy, d sheared so that Q becomes diagonal: a = opacity * 2^-(across h^2 + down dy^2). In Q's own
+  // entries terms would cancel where a disc is long and thin.
+  float across, lean, down;
+  float opacity;
+  float r, g, b;
+  float z, slope_h, slope_y;  // depth [m], and how it grows with h and dy [m/px]
+};
+
+// A disc on the screen: one line of cache.
+struct alignas(64) DiscSplat : DiscSpot {
+  float decay;             // of the exponent, where a falls below 1/255; rounded up
+  float reach_x, reach_y;  // how far that is from (u, v) at most [px], rounded up
+  std::uint32_t row;       // in the map
+};
+
+// What one disc does to one tile: nothing about it separates.
+struct alignas(64) DiscTrace {
+  DiscSpot spot;
+  TileEntry entry;
+  std::uint32_t patches;
+};
+
+// The two kinds of Gaussians: how they lie in memory, and how many sums a second sweep makes of a (splat, tile) pair.
+struct Isotropic {
+  using Splat = RoundSplat;
+  using Trace = RoundTrace;
+  static constexpr int SUMS = 8;
+};
+
+struct Disc {
+  using Splat = DiscSplat;
+  using Trace = DiscTrace;
+  static constexpr int SUMS = 16;
+};
+
+template <class Shape>
+struct ShapeScratch {
+  Scratch<typename Shape::Splat> splats;  // by slot
+  Scratch<typename Shape::Trace> traces;  // (threads, most_entries): of the tile that a thread is at
+};
+
+struct Workspace : ShapeScratch<Isotropic>, ShapeScratch<Disc> {
+  // Always inlined, as those of Scratch.
+  template <class Shape>
+  [[gnu::always_inline]] ShapeScratch<Shape>& of() { return *this; }
+  template <class Shape>
+  [[gnu::always_inline]] const ShapeScratch<Shape>& of() const { return *this; }
+
   // Splats lie in slots: slot = 256 * (index of the visible block) + rank within it.
   std::size_t n_visible_blocks = 0;
   std::size_t n_splats = 0;
@@ -69,15 +120,13 @@ struct Workspace {
   Scratch<std::uint32_t> block_splats;  // splats of each visible block
   Scratch<std::uint32_t> splats_before;  // prefix sums over the visible blocks
   Scratch<std::uint32_t> pairs_before;
-  Scratch<Splat> splats;
   Scratch<TileSpan> spans;  // by slot
   Scratch<std::uint64_t> keys, keys_swap;  // (depth key << 32) | slot
   Scratch<std::uint32_t> histograms;
   Scratch<std::uint32_t> tile_begin;  // (n_tiles + 1)
   Scratch<TileEntry> entries;         // grouped by tile, front to back in each
-  Scratch<Trace> traces;              // (threads, most_entries): of the tile that a thread is at
-  Scratch<float> pair_sums;           // (n_pairs, 8): what a second sweep adds up per pair
-  Scratch<float> slot_coefficients;   // (slots, 8)
+  Scratch<float> pair_sums;           // (n_pairs, SUMS): what a second sweep adds up per pair
+  Scratch<float> slot_coefficients;   // (slots, SUMS)
   Scratch<double> tile_losses;        // (n_tiles, 4)
   Scratch<double> thread_times;       // (threads,), of `stages`
   Scratch<float> bias_corrections;    // Adam's, by step: (steps, 2)
@@ -101,6 +150,7 @@ void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Wor
 
 // Sorts the splats by depth and lists them by tile (`tile_begin`, `entries`). Needs `splats`, `spans`,
 // `block_splats` and the number of tiles; sets `first_pair`.
+template <class Shape>
 void bin_splats(Workspace& workspace);
 
 }  // namespace hgs

@@ -360,6 +360,26 @@ HGS_INLINE void sum_lanes_of_8(const VFloat v[8], float* out) {
 #endif
 }
 
+// The same of four.
+HGS_INLINE void sum_lanes_of_4(const VFloat v[4], float* out) {
+#if defined(__AVX512F__)
+  const __m512 a = fold_pairs(v[0], v[1]), b = fold_pairs(v[2], v[3]);
+  const __m512 sums = _mm512_add_ps(_mm512_shuffle_ps(a, b, 0x88), _mm512_shuffle_ps(a, b, 0xdd));
+  const __m512 halves = _mm512_add_ps(sums, _mm512_shuffle_f32x4(sums, sums, 0x4e));
+  const __m512 quarters = _mm512_add_ps(halves, _mm512_shuffle_f32x4(halves, halves, 0xb1));
+  _mm_storeu_ps(out, _mm512_castps512_ps128(quarters));
+#elif defined(__AVX2__)
+  const __m256 sums = _mm256_hadd_ps(_mm256_hadd_ps(v[0], v[1]), _mm256_hadd_ps(v[2], v[3]));
+  _mm_storeu_ps(out, _mm_add_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps(sums, 1)));
+#else
+  for (int k = 0; k < 4; ++k) {
+    float sum = 0.0f;
+    for (int i = 0; i < LANES; ++i) sum += v[k][i];
+    out[k] = sum;
+  }
+#endif
+}
+
 // Denormals become zero while it lives (they slow the arithmetic a hundredfold and mean nothing here).
 class FlushDenormals {
  public:

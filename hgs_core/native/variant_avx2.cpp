@@ -11,8 +11,8 @@ namespace hgs {
 extern const VariantKernels KERNELS_AVX2;
 const VariantKernels KERNELS_AVX2 = {
     "avx2",
-    {avx2::forward, avx2::backward, avx2::stages, avx2::optimise, avx2::information,
-     avx2::quality_image},
+    avx2::rasterise_kernels_of<Isotropic>(),
+    avx2::rasterise_kernels_of<Disc>(),
     {avx2::gather_rows, avx2::march_rays, avx2::list_cells, avx2::make_bundle, avx2::first_cells,
      avx2::score_rays},
     avx2::multiply_add,

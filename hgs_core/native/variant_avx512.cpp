@@ -11,8 +11,8 @@ namespace hgs {
 extern const VariantKernels KERNELS_AVX512;
 const VariantKernels KERNELS_AVX512 = {
     "avx512",
-    {avx512::forward, avx512::backward, avx512::stages, avx512::optimise, avx512::information,
-     avx512::quality_image},
+    avx512::rasterise_kernels_of<Isotropic>(),
+    avx512::rasterise_kernels_of<Disc>(),
     {avx512::gather_rows, avx512::march_rays, avx512::list_cells, avx512::make_bundle, avx512::first_cells,
      avx512::score_rays},
     avx512::multiply_add,

@@ -11,8 +11,8 @@ namespace hgs {
 extern const VariantKernels KERNELS_PORTABLE;
 const VariantKernels KERNELS_PORTABLE = {
     "portable",
-    {portable::forward, portable::backward, portable::stages, portable::optimise, portable::information,
-     portable::quality_image},
+    portable::rasterise_kernels_of<Isotropic>(),
+    portable::rasterise_kernels_of<Disc>(),
     {portable::gather_rows, portable::march_rays, portable::list_cells, portable::make_bundle, portable::first_cells,
      portable::score_rays},
     portable::multiply_add,

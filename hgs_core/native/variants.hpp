@@ -18,7 +18,7 @@ struct GainKernels {
 
 struct VariantKernels {
   const char* name;
-  RasteriseKernels rasterise;
+  RasteriseKernels isotropic, discs;
   GainKernels gain;
   // Runs `rounds` rounds of independent multiply-adds on registers; returns how many floating-point operations
   // that were. What the processor can do at most, for benchmarks.
@@ -28,5 +28,10 @@ struct VariantKernels {
 // The variant chosen for this processor, or by HGS_KERNEL_VARIANT. Throws std::runtime_error when the
 // variable names one that does not exist or that the processor cannot run.
 const VariantKernels& variant_kernels();
+
+// What draws these rows.
+inline const RasteriseKernels& rasterise_kernels(const GaussianRows& rows) {
+  return rows.normals == nullptr ? variant_kernels().isotropic : variant_kernels().discs;
+}
 
 }  // namespace hgs

@@ -10,11 +10,13 @@ from hgs_core.gain.exact import exact_coverage, exact_quality
 from hgs_core.gain.panorama import PanoramaGrid
 from hgs_core.gain.quality import FisherField, RaySample
 from hgs_core.gain.viewpoint import GainConfig
+from hgs_core.gaussians.gaussian_map import Primitive
 from hgs_core.gaussians.information import parameter_priors, quality_image
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.native import kernels
 from tests.gain import naive
 from tests.gain.worlds import empty_voxels, gaussians_at
+from tests.gaussians.maps import PRIMITIVES, gaussian_map
 
 PRIOR, RANGE_M = 0.1, 5.0
 NARROW = CameraIntrinsics.centred(240, 160, 400.0)
@@ -52,17 +54,25 @@ def exact(room: BenchmarkRoom, camera: CameraIntrinsics, position: np.ndarray, y
     return exact_quality(room.snapshot(), camera, pose, prior_information=PRIOR, range_m=RANGE_M)
 
 
-def test_each_ray_scores_what_its_pixel_scores() -> None:
-    """A camera one pixel wide, turned to each ray in turn, is what a ray is."""
+@PRIMITIVES
+def test_each_ray_scores_what_its_pixel_scores(primitive: Primitive) -> None:
+    """The middle column of a camera, turned to each ray in turn, is what a ray is. The camera is wide: how
+    discs stretch off its axis is limited by its borders. Rays look for what lies near to them, so no disc is
+    so large and near that it reaches the middle from the side of the image, where it is stretched most."""
     rng = np.random.default_rng(3)
     voxels = empty_voxels((4.0, 3.7, 2.5))
-    gaussians = gaussians_at(rng.uniform(0.2, 3.5, (3000, 3)) * [1.0, 1.0, 0.6], radius_m=0.04)
-    gaussians.parameters[: gaussians.size, 6] += rng.normal(0, 0.7, gaussians.size)
+    position = np.array([1.73, 1.81, 0.97])
+    nearest_m, spread = (0.7, 0.3) if primitive == "disc" else (0.0, 0.7)
+    balls = gaussians_at(rng.uniform(0.2, 3.5, (3000, 3)) * [1.0, 1.0, 0.6], radius_m=0.04).parameters[:3000]
+    far = np.linalg.norm(balls[:, :3] - position, axis=1) > nearest_m
+    gaussians = gaussian_map(primitive, balls[far], rng)
+    gaussians.parameters[: gaussians.size, 6] += rng.normal(0, spread, gaussians.size)
     gaussians.parameters[: gaussians.size, 7] = rng.uniform(-6, 5, gaussians.size)
     gaussians.information[: gaussians.size] = 10.0 ** rng.uniform(-2, 2, (gaussians.size, 8))
     gaussians.refresh_blocks()
-    rows, focal_px = 9, 40.0
-    column = CameraIntrinsics(width=1, height=rows, fx=focal_px, fy=focal_px, cx=0.5, cy=rows / 2)
+    rows, focal_px, wide = 9, 40.0, 81
+    camera = CameraIntrinsics.centred(wide, wide, focal_px)
+    first = (wide - rows) // 2
     grid = PanoramaGrid(
         n_azimuths=24,
         n_elevations=rows,
@@ -77,24 +87,24 @@ def test_each_ray_scores_what_its_pixel_scores() -> None:
         np.zeros(3),
         0.1,
         parameter_priors(PRIOR),
-        column.low_pass_px2 / focal_px**2,
+        camera.low_pass_px2 / focal_px**2,
         0.0,
         3.0,
+        [wide / 2 / focal_px] * 2,
     )
-    parameters = gaussians.parameters[: gaussians.size]
-    field.gather(parameters, gaussians.block_bounds, np.ones((3, 3), dtype=bool))
-    position = np.array([1.73, 1.81, 0.97])
+    parameters, normals = gaussians.parameters[: gaussians.size], gaussians.normals[: gaussians.size]
+    field.gather(parameters, normals, gaussians.block_bounds, np.ones((3, 3), dtype=bool))
     scores = np.zeros((1, rows, 24, 2), np.float32)
     information = gaussians.information[: gaussians.size]
-    field.score(parameters, information, position[None], grid.tan_low, grid.tan_high, scores)
+    field.score(parameters, normals, information, position[None], grid.tan_low, grid.tan_high, scores)
     expected = np.zeros((rows, 24))
     for row in range(rows):
         for azimuth in range(24):
             yaw_rad, _ = naive.directions(grid, row, azimuth)
             pose = level_camera_pose(*position.tolist(), yaw_rad)
             # Rows of a panorama go up, those of an image down.
-            image = quality_image(gaussians, column, pose, PRIOR, far_m=3.0)
-            expected[row, azimuth] = image[rows - 1 - row, 0]
+            image = quality_image(gaussians, camera, pose, PRIOR, far_m=3.0)
+            expected[row, azimuth] = image[first + rows - 1 - row, wide // 2]
     np.testing.assert_allclose(scores[0].sum(axis=-1), expected, rtol=0.02, atol=1e-3 * expected.max())
     assert np.all(scores >= 0)
     assert np.count_nonzero(expected) > 100

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgs_core.errors import MapError
-from hgs_core.gaussians.gaussian_map import BLOCK, LOG_RADIUS, GaussianMap
+from hgs_core.gaussians.gaussian_map import BLOCK, LOG_RADIUS, GaussianMap, Primitive
+from tests.gaussians.maps import PRIMITIVES, gaussian_map
 
 
 def rows(n: int, seed: int = 0) -> np.ndarray:
@@ -60,9 +61,30 @@ def test_keep_drops_rows_and_refuses_another_length() -> None:
         gaussians.keep(np.ones(3, bool))
 
 
-def test_state_restores_everything() -> None:
-    gaussians = GaussianMap()
-    gaussians.append(rows(300), anchor_keyframe=2)
+def test_normals_go_with_their_discs() -> None:
+    gaussians = gaussian_map("disc", rows(2 * BLOCK), np.random.default_rng(0))
+    normals = gaussians.normals[: gaussians.size].copy()
+    gaussians.normal_first_moment[: gaussians.size] = 3.0
+    kept = gaussians.parameters[: gaussians.size, LOG_RADIUS] > 0
+    gaussians.keep(kept)
+    np.testing.assert_array_equal(gaussians.normals[: gaussians.size], normals[kept])
+    size = gaussians.size
+    gaussians.append(rows(5, 1), np.tile(np.float32([0, 0, 1]), (5, 1)), anchor_keyframe=1)
+    np.testing.assert_array_equal(gaussians.normals[size : size + 5, 2], 1.0)
+    assert gaussians.normal_first_moment[:size].min() == 3.0
+    assert gaussians.normal_first_moment[size : size + 5].max() == 0.0
+
+
+def test_normals_are_for_discs_and_discs_need_them() -> None:
+    with pytest.raises(MapError, match=r"'disc' need normals of shape \(4, 3\), got \(4, 0\)"):
+        GaussianMap(primitive="disc").append(rows(4), anchor_keyframe=0)
+    with pytest.raises(MapError, match=r"'isotropic' need normals of shape \(4, 0\), got \(4, 3\)"):
+        GaussianMap().append(rows(4), np.zeros((4, 3), np.float32), anchor_keyframe=0)
+
+
+@PRIMITIVES
+def test_state_restores_everything(primitive: Primitive) -> None:
+    gaussians = gaussian_map(primitive, rows(300), np.random.default_rng(0))
     gaussians.information[:300] = 1.5
     restored = GaussianMap.restore(gaussians.state())
     for name, value in gaussians.state().items():

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from numpy import ndarray
 
 from hgs_core.errors import MapError
-from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.gaussian_map import GaussianMap, Primitive
 from hgs_core.gaussians.information import (
     accumulate_information,
     parameter_priors,
@@ -19,32 +19,33 @@ from hgs_core.gaussians.information import (
 from hgs_core.gaussians.torch_backend import splat
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.geometry.se3 import SE3
+from tests.gaussians.maps import PRIMITIVES, gaussian_map
 
 CAMERA = CameraIntrinsics(width=19, height=18, fx=15.0, fy=17.0, cx=9.0, cy=8.0)
 POSE = level_camera_pose(0.0, 0.2, 1.0, -0.6) @ SE3.exp(np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.1]))
 
 
-def scene(n: int = 14, seed: int = 2) -> GaussianMap:
+def scene(n: int = 14, seed: int = 2, primitive: Primitive = "isotropic") -> GaussianMap:
     rng = np.random.default_rng(seed)
     depth = np.linspace(1.0, 3.0, n) + rng.uniform(0.1, 0.4, n) * 2.0 / n
     centres = POSE.apply(np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)) * depth[:, None], depth]))
-    gaussians = GaussianMap()
     other = [rng.uniform(0.0, 1.0, (n, 3)), rng.normal(-2.0, 0.5, n), rng.normal(0.0, 1.5, n)]
-    gaussians.append(np.column_stack([centres, *other]).astype(np.float32), anchor_keyframe=0)
-    return gaussians
+    return gaussian_map(primitive, np.column_stack([centres, *other]), rng)
 
 
 def squared_jacobian(gaussians: GaussianMap) -> Float64[ndarray, "height width 3 size 8"]:
     parameters = torch.from_numpy(gaussians.parameters[: gaussians.size]).double()
+    normals = torch.from_numpy(gaussians.normals[: gaussians.size]).double()
 
     def colour(p: torch.Tensor) -> torch.Tensor:
-        return splat(p, CAMERA, POSE)[0]
+        return splat(p, normals, CAMERA, POSE)[0]
 
     return torch.autograd.functional.jacobian(colour, parameters).numpy() ** 2
 
 
-def test_view_information_is_the_squared_jacobian_summed() -> None:
-    gaussians = scene()
+@PRIMITIVES
+def test_view_information_is_the_squared_jacobian_summed(primitive: Primitive) -> None:
+    gaussians = scene(primitive=primitive)
     expected = squared_jacobian(gaussians).sum(axis=(0, 1, 2))
     information = view_information(gaussians, CAMERA, POSE)
     np.testing.assert_allclose(information, expected, rtol=2e-3, atol=1e-5 * expected.max(axis=0).min())
@@ -63,8 +64,9 @@ def test_what_lies_beyond_the_far_limit_gains_nothing() -> None:
     np.testing.assert_allclose(gaussians.information[: gaussians.size][depths < 2.0], expected, rtol=1e-5)
 
 
-def test_quality_image_is_the_pixelwise_gain() -> None:
-    gaussians = scene()
+@PRIMITIVES
+def test_quality_image_is_the_pixelwise_gain(primitive: Primitive) -> None:
+    gaussians = scene(primitive=primitive)
     rng = np.random.default_rng(0)
     gaussians.information[: gaussians.size] = rng.uniform(0.0, 5.0, (gaussians.size, 8))
     denominator = gaussians.information[: gaussians.size].astype(float) + parameter_priors(0.1)
@@ -73,8 +75,9 @@ def test_quality_image_is_the_pixelwise_gain() -> None:
     np.testing.assert_allclose(image, expected, rtol=2e-3, atol=1e-4 * expected.max())
 
 
-def test_quality_image_adds_up_to_the_gain_of_the_view() -> None:
-    gaussians = scene(200, seed=7)
+@PRIMITIVES
+def test_quality_image_adds_up_to_the_gain_of_the_view(primitive: Primitive) -> None:
+    gaussians = scene(200, seed=7, primitive=primitive)
     accumulate_information(gaussians, CAMERA, POSE)
     gain = (
         view_information(gaussians, CAMERA, POSE) / (gaussians.information[:200] + parameter_priors(0.1))

@@ -13,11 +13,12 @@ from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
-from hgs_core.gaussians.gaussian_map import BLOCK, LOG_RADIUS, GaussianMap
+from hgs_core.gaussians.gaussian_map import BLOCK, LOG_RADIUS, GaussianMap, Primitive
 from hgs_core.gaussians.optimise import LearningRates, LossWeights, optimise_step
 from hgs_core.gaussians.render import render
 from hgs_core.gaussians.torch_backend import splat
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from tests.gaussians.maps import PRIMITIVES, gaussian_map
 
 CAMERA = CameraIntrinsics(width=45, height=35, fx=40.0, fy=40.0, cx=22.0, cy=18.0)
 POSE = level_camera_pose(0.5, 0.5, 1.0, 0.4)
@@ -31,15 +32,12 @@ class View:
     depth_m: Float32[ndarray, "height width"]
 
 
-def scene(n: int = 150, seed: int = 0) -> GaussianMap:
+def scene(n: int = 150, seed: int = 0, primitive: Primitive = "isotropic") -> GaussianMap:
     rng = np.random.default_rng(seed)
     depth = np.linspace(1.0, 4.0, n) + rng.uniform(0.1, 0.4, n) * 3.0 / n
     centres = POSE.apply(np.column_stack([rng.uniform(-0.7, 0.7, (n, 2)) * depth[:, None], depth]))
     other = [rng.uniform(0.0, 1.0, (n, 3)), rng.normal(-2.5, 0.4, n), rng.normal(0.0, 1.5, n)]
-    gaussians = GaussianMap()
-    parameters = np.column_stack([centres, *other])[rng.permutation(n)]
-    gaussians.append(parameters.astype(np.float32), anchor_keyframe=0)
-    return gaussians
+    return gaussian_map(primitive, np.column_stack([centres, *other])[rng.permutation(n)], rng)
 
 
 def target(seed: int = 1) -> View:
@@ -56,21 +54,44 @@ def step(gaussians: GaussianMap, view: View, rates: LearningRates = RATES) -> fl
     return loss.total
 
 
+@dataclass(kw_only=True, eq=False)
+class Moved:
+    """Rows that Adam moves, and what it keeps of them."""
+
+    rows: torch.Tensor
+    rates: torch.Tensor
+    m: torch.Tensor
+    v: torch.Tensor
+
+    @staticmethod
+    def of(rows: ndarray, rates: list[float]) -> Moved:
+        start = torch.from_numpy(rows.copy()).double()
+        nought = torch.zeros_like(start)
+        return Moved(rows=start, rates=torch.tensor(rates).double(), m=nought, v=nought.clone())
+
+    def step(self, gradient: torch.Tensor, moved: torch.Tensor, t: torch.Tensor) -> None:
+        g = gradient[moved]
+        self.m[moved] = RATES.beta1 * self.m[moved] + (1 - RATES.beta1) * g
+        self.v[moved] = RATES.beta2 * self.v[moved] + (1 - RATES.beta2) * g**2
+        m_hat = self.m[moved] / (1 - RATES.beta1**t)
+        v_hat = self.v[moved] / (1 - RATES.beta2**t)
+        self.rows[moved] -= self.rates * m_hat / (v_hat.sqrt() + RATES.epsilon)
+
+
 class ReferenceOptimiser:
     """The same loss by autograd in float64, and Adam per Gaussian as its paper writes it."""
 
     def __init__(self, gaussians: GaussianMap) -> None:
-        self.parameters = torch.from_numpy(gaussians.parameters[: gaussians.size].copy()).double()
-        self.m = torch.zeros_like(self.parameters)
-        self.v = torch.zeros_like(self.parameters)
+        by_parameter = [*[RATES.centre] * 3, *[RATES.rgb] * 3, RATES.log_radius, RATES.logit_opacity]
+        normals = gaussians.normals[: gaussians.size]
+        self.parameters = Moved.of(gaussians.parameters[: gaussians.size], by_parameter)
+        self.normals = Moved.of(normals, [RATES.normal] * normals.shape[1])
         self.steps = torch.zeros(gaussians.size, dtype=torch.int64)
-        self.rates = torch.tensor(
-            [*[RATES.centre] * 3, *[RATES.rgb] * 3, RATES.log_radius, RATES.logit_opacity]
-        ).double()
 
     def step(self, view: View) -> float:
-        leaf = self.parameters.clone().requires_grad_()
-        colour, depth, silhouette = splat(leaf, CAMERA, POSE)
+        leaf = self.parameters.rows.clone().requires_grad_()
+        normals = self.normals.rows.clone().requires_grad_()
+        colour, depth, silhouette = splat(leaf, normals, CAMERA, POSE)
         truth_rgb = torch.from_numpy(view.rgb).double() / 255.0
         truth_depth = torch.from_numpy(view.depth_m).double()
         valid = (truth_depth > 0) & torch.isfinite(truth_depth)
@@ -82,40 +103,55 @@ class ReferenceOptimiser:
             + WEIGHTS.silhouette * ((1.0 - silhouette[valid]) ** 2).sum()
             + WEIGHTS.free * (silhouette[truth_depth == np.inf] ** 2).sum()
         ) / valid.sum()
-        (g,) = torch.autograd.grad(loss, leaf)
-        moved = (g != 0).any(dim=1)
+        by_parameters, by_normals = torch.autograd.grad(
+            loss, (leaf, normals), allow_unused=True, materialize_grads=True
+        )
+        moved = (by_parameters != 0).any(dim=1)
         self.steps[moved] += 1
         t = self.steps[moved, None].double()
-        self.m[moved] = RATES.beta1 * self.m[moved] + (1 - RATES.beta1) * g[moved]
-        self.v[moved] = RATES.beta2 * self.v[moved] + (1 - RATES.beta2) * g[moved] ** 2
-        m_hat = self.m[moved] / (1 - RATES.beta1**t)
-        v_hat = self.v[moved] / (1 - RATES.beta2**t)
-        self.parameters[moved] -= self.rates * m_hat / (v_hat.sqrt() + RATES.epsilon)
+        self.parameters.step(by_parameters, moved, t)
+        self.normals.step(by_normals, moved, t)
+        self.normals.rows /= self.normals.rows.norm(dim=1, keepdim=True)
         return float(loss.detach())
 
 
-def test_steps_are_those_of_autograd_and_adam() -> None:
+@PRIMITIVES
+def test_steps_are_those_of_autograd_and_adam(primitive: Primitive) -> None:
     """Moments are compared by size, parameters by that of a step: where a gradient is all but zero, Adam
     turns its rounding into a full step, so a small share of entries may differ by up to that."""
-    gaussians, view = scene(), target()
-    reference = ReferenceOptimiser(gaussians)
+    gaussians, view = scene(primitive=primitive), target()
+    reference, size = ReferenceOptimiser(gaussians), gaussians.size
     for number in range(3):
         loss = step(gaussians, view)
         assert loss == pytest.approx(reference.step(view), rel=1e-5)
-        np.testing.assert_array_equal(gaussians.adam_steps[: gaussians.size], reference.steps.numpy())
-        for mine, truth in (
-            (gaussians.adam_first_moment, reference.m),
-            (gaussians.adam_second_moment, reference.v),
+        np.testing.assert_array_equal(gaussians.adam_steps[:size], reference.steps.numpy())
+        for first, second, rows, truth in (
+            (
+                gaussians.adam_first_moment,
+                gaussians.adam_second_moment,
+                gaussians.parameters,
+                reference.parameters,
+            ),
+            (
+                gaussians.normal_first_moment,
+                gaussians.normal_second_moment,
+                gaussians.normals,
+                reference.normals,
+            ),
         ):
-            scale = truth.abs().amax(dim=0).numpy()
-            np.testing.assert_allclose(
-                mine[: gaussians.size] / scale, truth.numpy() / scale, atol=1e-4 * (number + 1)
-            )
-        difference = np.abs(gaussians.parameters[: gaussians.size] - reference.parameters.numpy())
-        off = difference > 0.02 * reference.rates.numpy() + 2e-7
-        assert off.mean() < 0.01
-        assert np.all(difference <= 2.1 * (number + 1) * reference.rates.numpy() + 1e-6)
-    assert 50 < np.count_nonzero(gaussians.adam_steps[: gaussians.size] == 3) < gaussians.size
+            for mine, moment in ((first, truth.m), (second, truth.v)):
+                scale = moment.abs().amax(dim=0).numpy()
+                np.testing.assert_allclose(
+                    mine[:size] / scale, moment.numpy() / scale, atol=1e-4 * (number + 1)
+                )
+            difference = np.abs(rows[:size] - truth.rows.numpy())
+            off = difference > 0.02 * truth.rates.numpy() + 2e-7
+            assert off.sum() <= 0.01 * off.size
+            assert np.all(difference <= 2.1 * (number + 1) * truth.rates.numpy() + 1e-6)
+    assert 50 < np.count_nonzero(gaussians.adam_steps[:size] == 3) < size
+    np.testing.assert_allclose(
+        np.linalg.norm(gaussians.normals[:size], axis=1), primitive == "disc", rtol=1e-6
+    )
 
 
 def test_reported_terms_are_means_over_covered_pixels() -> None:
@@ -153,9 +189,10 @@ def test_what_lies_far_behind_the_farthest_depth_is_left_out() -> None:
     assert both.adam_steps[near.size] == 0
 
 
-def test_repeated_steps_learn_a_picture() -> None:
+@PRIMITIVES
+def test_repeated_steps_learn_a_picture(primitive: Primitive) -> None:
     """A map that differs from the truth in colour, radius and opacity comes back to its picture."""
-    truth = scene(200, seed=3)
+    truth = scene(200, seed=3, primitive=primitive)
     truth.parameters[:200, 6:] = [-1.8, 4.0]
     drawn = render(truth, CAMERA, POSE)
     rgb = np.clip(np.rint(drawn.colour * 255.0), 0, 255).astype(np.uint8)
@@ -171,17 +208,22 @@ def test_repeated_steps_learn_a_picture() -> None:
     assert last < 0.4 * first
 
 
-def test_what_is_not_seen_does_not_move() -> None:
-    gaussians, view = scene(), target()
+@PRIMITIVES
+def test_what_is_not_seen_does_not_move(primitive: Primitive) -> None:
+    gaussians, view = scene(primitive=primitive), target()
     behind = np.full((300, 8), 0.5, np.float32)
     behind[:, :3] = POSE.apply(np.array([[0.0, 0.0, -3.0]]))
-    gaussians.append(behind, anchor_keyframe=1)
+    gaussians.append(
+        behind, gaussian_map(primitive, behind, np.random.default_rng(0)).normals[:300], anchor_keyframe=1
+    )
     before = gaussians.state()
     step(gaussians, view)
     after = gaussians.state()
     still = after["adam_steps"] == 0
     assert still[150:].all()
-    for name in ("parameters", "adam_first_moment", "adam_second_moment"):
+    moved = ["parameters", "adam_first_moment", "adam_second_moment"]
+    moved += ["normals", "normal_first_moment", "normal_second_moment"] if primitive == "disc" else []
+    for name in moved:
         np.testing.assert_array_equal(before[name][still], after[name][still])
         assert not np.array_equal(before[name][~still], after[name][~still])
     for name in ("information", "anchor_keyframe", "n_depth_observations"):

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hgs_core.errors import MapError
-from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.gaussian_map import GaussianMap, Primitive
 from hgs_core.gaussians.ply import PROPERTIES, SH_C0, read_ply, write_ply
+from tests.gaussians.maps import gaussian_map
 
 
-def random_map(n: int, seed: int = 0) -> GaussianMap:
+def random_map(n: int, seed: int = 0, primitive: Primitive = "isotropic") -> GaussianMap:
     rng = np.random.default_rng(seed)
-    gaussians = GaussianMap()
     parameters = rng.normal(size=(n, 8)).astype(np.float32)
     parameters[:, 3:6] = rng.random((n, 3))
-    gaussians.append(parameters, anchor_keyframe=3)
-    return gaussians
+    return gaussian_map(primitive, parameters, rng)
 
 
 @pytest.mark.parametrize("n", [0, 1, 1000])
@@ -28,6 +28,33 @@ def test_round_trip(tmp_path: Path, n: int) -> None:
     assert again.size == n
     np.testing.assert_allclose(again.parameters[:n], gaussians.parameters[:n], atol=1e-6)
     assert [path.name for path in tmp_path.iterdir()] == ["map.ply"]
+
+
+@pytest.mark.parametrize("n", [1, 1000])
+def test_round_trip_of_discs(tmp_path: Path, n: int) -> None:
+    gaussians = random_map(n, primitive="disc")
+    gaussians.normals[0] = [0.0, 0.0, -1.0]
+    write_ply(gaussians, tmp_path / "map.ply")
+    again = read_ply(tmp_path / "map.ply")
+    assert again.primitive == "disc"
+    np.testing.assert_allclose(again.parameters[:n], gaussians.parameters[:n], atol=1e-6)
+    # A normal and its opposite are the same disc.
+    cosines = np.sum(again.normals[:n] * gaussians.normals[:n], axis=1)
+    np.testing.assert_allclose(np.abs(cosines), 1.0, atol=1e-6)
+
+
+def test_independent_reader_sees_discs_as_flat_gaussians(tmp_path: Path) -> None:
+    """The covariance that 3DGS viewers draw: R diag(scale^2) R', R from the quaternion wxyz, by scipy."""
+    gaussians = random_map(50, primitive="disc")
+    write_ply(gaussians, tmp_path / "map.ply")
+    cloud = o3d.t.io.read_point_cloud(str(tmp_path / "map.ply"))
+    turned = Rotation.from_quat(cloud.point["rot"].numpy()[:, [1, 2, 3, 0]]).as_matrix()
+    scales = cloud.point["scale"].numpy().astype(float)
+    covariance = turned @ (scales[:, :, None] ** 2 * turned.transpose(0, 2, 1))
+    n = gaussians.normals[:50].astype(float)
+    expected = np.eye(3) - n[:, :, None] * n[:, None, :]
+    relative = covariance / gaussians.radii_m[:, None, None] ** 2
+    np.testing.assert_allclose(relative, expected, atol=1e-5)
 
 
 def test_rows_that_are_only_room_to_grow_are_not_written(tmp_path: Path) -> None:
@@ -89,7 +116,11 @@ def test_damaged_files_are_refused_with_the_reason(tmp_path: Path) -> None:
 def test_anisotropic_and_non_finite_maps_are_refused(tmp_path: Path) -> None:
     write_ply(random_map(4), tmp_path / "map.ply")
     head, separator, body = (tmp_path / "map.ply").read_bytes().partition(b"end_header\n")
-    for column, value, reason in (("scale_1", 9.0, "anisotropic"), ("x", np.nan, "NaN")):
+    for column, value, reason in (
+        ("scale_1", 9.0, "anisotropic"),
+        ("scale_2", -9.0, "anisotropic"),
+        ("x", np.nan, "NaN"),
+    ):
         table = np.frombuffer(body, "<f4").reshape(4, len(PROPERTIES)).copy()
         table[2, PROPERTIES.index(column)] = value
         (tmp_path / "bad.ply").write_bytes(head + separator + table.tobytes())

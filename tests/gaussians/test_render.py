@@ -6,23 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hgs_core.native.kernels as kernels
 from hgs_core.errors import ConfigError
-from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.gaussian_map import GaussianMap, Primitive
 from hgs_core.gaussians.native_backend import NativeBackend
 from hgs_core.gaussians.render import render
-from hgs_core.gaussians.torch_backend import TorchBackend
+from hgs_core.gaussians.torch_backend import TorchBackend, splat
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.geometry.se3 import SE3
+from tests.gaussians.maps import PRIMITIVES, gaussian_map
 
 CAMERA = CameraIntrinsics(width=53, height=37, fx=40.0, fy=44.0, cx=25.0, cy=19.5)  # no multiple of a tile
 POSE = level_camera_pose(0.3, -0.2, 1.0, 0.7) @ SE3.exp(np.array([0.0, 0.0, 0.0, 0.1, -0.05, 0.2]))
 
 
-def scene(n: int, seed: int, *, radius_m: float = 0.1) -> GaussianMap:
+def scene(n: int, seed: int, *, radius_m: float = 0.1, primitive: Primitive = "isotropic") -> GaussianMap:
     """Random Gaussians in front of, beside and behind `POSE`; no two depths nearly equal."""
     rng = np.random.default_rng(seed)
     depth = np.linspace(-0.5, 5.0, n) + rng.uniform(0.1, 0.4, n) * 5.5 / n
@@ -37,9 +39,7 @@ def scene(n: int, seed: int, *, radius_m: float = 0.1) -> GaussianMap:
             rng.normal(0.5, 2.5, n),
         ]
     )
-    gaussians = GaussianMap()
-    gaussians.append(parameters[order].astype(np.float32), anchor_keyframe=0)
-    return gaussians
+    return gaussian_map(primitive, parameters[order], rng)
 
 
 def one(x: float, y: float, z: float, *, radius_m: float, logit: float) -> GaussianMap:
@@ -52,8 +52,9 @@ def one(x: float, y: float, z: float, *, radius_m: float, logit: float) -> Gauss
 @pytest.mark.parametrize(
     ("n", "low_pass_px2"), [(1, 0.3), (40, 0.3), (300, 0.3), (700, 0.3), (300, 0.01), (300, 3.0)]
 )
-def test_native_draws_what_the_reference_draws(n: int, low_pass_px2: float) -> None:
-    gaussians, camera = scene(n, seed=n), replace(CAMERA, low_pass_px2=low_pass_px2)
+@PRIMITIVES
+def test_native_draws_what_the_reference_draws(primitive: Primitive, n: int, low_pass_px2: float) -> None:
+    gaussians, camera = scene(n, n, primitive=primitive), replace(CAMERA, low_pass_px2=low_pass_px2)
     native, reference = render(gaussians, camera, POSE), render(gaussians, camera, POSE, backend="torch")
     np.testing.assert_allclose(native.colour_sum, reference.colour_sum, atol=2e-5)
     np.testing.assert_allclose(native.depth_sum, reference.depth_sum, atol=1e-4)
@@ -75,8 +76,9 @@ def test_a_far_limit_leaves_out_what_is_beyond_it(far_m: float, backend: str) ->
 
 
 @pytest.mark.parametrize(("n", "low_pass_px2"), [(40, 0.3), (300, 0.3), (700, 0.3), (300, 0.075)])
-def test_native_gradient_is_autograds(n: int, low_pass_px2: float) -> None:
-    gaussians, camera = scene(n, seed=n), replace(CAMERA, low_pass_px2=low_pass_px2)
+@PRIMITIVES
+def test_native_gradient_is_autograds(primitive: Primitive, n: int, low_pass_px2: float) -> None:
+    gaussians, camera = scene(n, n, primitive=primitive), replace(CAMERA, low_pass_px2=low_pass_px2)
     rng = np.random.default_rng(5)
     shape = (CAMERA.height, CAMERA.width)
     incoming = (
@@ -86,16 +88,59 @@ def test_native_gradient_is_autograds(n: int, low_pass_px2: float) -> None:
     )
     native = NativeBackend().backward(gaussians, camera, POSE, *incoming)
     reference = TorchBackend().backward(gaussians, camera, POSE, *incoming)
-    scale = np.abs(reference).max(axis=0)
-    np.testing.assert_allclose(native / scale, reference / scale, atol=2e-5)
-    assert np.count_nonzero(reference.any(axis=1)) >= 10
+    for mine, truth in (
+        (native.parameters, reference.parameters),
+        (native.normals, reference.normals),
+    ):
+        scale = np.abs(truth).max(axis=0)
+        np.testing.assert_allclose(mine / scale, truth / scale, atol=5e-5 if primitive == "disc" else 2e-5)
+    assert np.count_nonzero(reference.parameters.any(axis=1)) >= 10
+
+
+@PRIMITIVES
+def test_every_entry_of_the_reference_gradient_is_the_numeric_one(primitive: Primitive) -> None:
+    """Central differences in float64; wide Gaussians, so that no pixel is at a limit where alpha is cut."""
+    rng = np.random.default_rng(7)
+    parameters = scene(4, seed=3).parameters[:4].copy()
+    parameters[:, :3] = POSE.apply(rng.uniform([-0.3, -0.2, 1.2], [0.3, 0.2, 2.0], (4, 3)))
+    parameters[:, 6:] = np.column_stack([np.full(4, np.log(1.5)), np.linspace(-1.0, 1.0, 4)])
+    gaussians = gaussian_map(primitive, parameters, rng)
+    if primitive == "disc":
+        tilted = rng.uniform([-0.7, -0.7, -1.0], [0.7, 0.7, -0.9], (4, 3))
+        tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+        gaussians.normals[:4] = tilted @ POSE.rotation.T
+    weights = [torch.from_numpy(rng.normal(size=(CAMERA.height, CAMERA.width))) for _ in range(3)]
+
+    def loss(rows: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
+        colour, depth, silhouette = splat(rows, normals, CAMERA, POSE)
+        return sum(
+            (
+                (w * image).sum()
+                for w, image in zip(weights, (colour[..., 1], depth, silhouette), strict=True)
+            ),
+            torch.zeros(()),
+        )
+
+    rows = torch.from_numpy(gaussians.parameters[:4]).double().requires_grad_()
+    normals = torch.from_numpy(gaussians.normals[:4]).double().requires_grad_()
+    analytic = torch.autograd.grad(loss(rows, normals), (rows, normals), allow_unused=True)
+    for which, gradient in enumerate(analytic):
+        arguments = (rows.detach(), normals.detach())
+        for index in np.ndindex(*arguments[which].shape):
+            moved = []
+            for step in (1e-6, -1e-6):
+                changed = [tensor.clone() for tensor in arguments]
+                changed[which][index] += step
+                moved.append(float(loss(*changed)))
+            numeric = (moved[0] - moved[1]) / 2e-6
+            assert float(gradient[index]) == pytest.approx(numeric, rel=1e-4, abs=1e-4)
 
 
 def test_reference_gradient_is_the_numeric_one() -> None:
     gaussians = scene(12, seed=3)
     shape = (CAMERA.height, CAMERA.width)
     ones = np.ones((*shape, 3), np.float32), np.ones(shape, np.float32), np.ones(shape, np.float32)
-    gradient = TorchBackend().backward(gaussians, CAMERA, POSE, *ones)
+    gradient = TorchBackend().backward(gaussians, CAMERA, POSE, *ones).parameters
 
     def total() -> float:
         view = TorchBackend().forward(gaussians, CAMERA, POSE)
@@ -127,6 +172,32 @@ def test_one_gaussian_by_hand() -> None:
     assert view.silhouette[0, 0] == 0.0  # 450 px^2 away: 0.5 exp(-8.9) < 1/255
     assert view.depth_m[0, 0] == 0.0
     assert not view.colour[0, 0].any()
+
+
+def test_a_tilted_disc_by_hand() -> None:
+    """r = 0.1 m at 2 m and f = 100 px, turned by 60 degrees about the vertical: 5 px wide up and down, half
+    of that across: variances 25.3 and 6.55 px^2. Its plane falls back by 1.732 m a metre, 0.0346 m a pixel;
+    as 6.25 of the 6.55 px^2 are its own, the depth d px to the right grows by 6.25 / 6.55 of that."""
+    camera = CameraIntrinsics(width=31, height=31, fx=100.0, fy=100.0, cx=15.5, cy=15.5, low_pass_px2=0.3)
+    gaussians = GaussianMap(primitive="disc")
+    row = np.array([[0.0, 0.0, 2.0, 0.8, 0.4, 0.2, np.log(0.1), 0.0]], np.float32)
+    normal = np.array([[np.sin(np.pi / 3), 0.0, -np.cos(np.pi / 3)]], np.float32)
+    gaussians.append(row, normal, anchor_keyframe=0)
+    view = render(gaussians, camera, SE3.identity())
+    assert view.silhouette[15, 15] == pytest.approx(0.5, abs=1e-6)
+    assert view.silhouette[18, 15] == pytest.approx(0.5 * np.exp(-9.0 / 50.6), abs=1e-6)
+    assert view.silhouette[15, 18] == pytest.approx(0.5 * np.exp(-9.0 / 13.1), abs=1e-6)
+    assert view.depth_m[15, 15] == pytest.approx(2.0, abs=1e-5)
+    assert view.depth_m[18, 15] == pytest.approx(2.0, abs=1e-5)
+    assert view.depth_m[15, 18] == pytest.approx(2.0 + 3 * np.tan(np.pi / 3) / 50.0 * 6.25 / 6.55, abs=1e-5)
+
+
+def test_a_disc_looks_the_same_from_behind() -> None:
+    gaussians, turned = scene(60, 1, primitive="disc"), scene(60, 1, primitive="disc")
+    turned.normals *= -1.0
+    np.testing.assert_array_equal(
+        render(gaussians, CAMERA, POSE).depth_sum, render(turned, CAMERA, POSE).depth_sum
+    )
 
 
 def test_the_nearer_of_two_hides_the_farther_whatever_their_order() -> None:
@@ -161,9 +232,10 @@ def test_a_splat_next_to_the_camera_covers_the_whole_picture() -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), yaw=st.floats(-3.1, 3.1))
-def test_sums_are_bounded_and_culling_changes_nothing(seed: int, yaw: float) -> None:
+@PRIMITIVES
+def test_sums_are_bounded_and_culling_changes_nothing(primitive: Primitive, seed: int, yaw: float) -> None:
     """From any side: 0 <= A <= 1, C within A times the brightest colour, and the reference agrees."""
-    gaussians = scene(60, seed)
+    gaussians = scene(60, seed, primitive=primitive)
     pose = level_camera_pose(0.3, -0.2, 1.0, yaw)
     view = render(gaussians, CAMERA, pose)
     assert view.silhouette.min() >= 0.0
@@ -196,8 +268,9 @@ def test_block_culling_drops_only_what_cannot_be_seen() -> None:
     assert culled.silhouette.max() > 0.9
 
 
-def test_the_number_of_threads_changes_nothing() -> None:
-    gaussians = scene(700, seed=1)
+@PRIMITIVES
+def test_the_number_of_threads_changes_nothing(primitive: Primitive) -> None:
+    gaussians = scene(700, seed=1, primitive=primitive)
     shape = (CAMERA.height, CAMERA.width)
     incoming = np.ones((*shape, 3), np.float32), np.ones(shape, np.float32), np.ones(shape, np.float32)
     threads = kernels.threads()
@@ -215,7 +288,8 @@ def test_the_number_of_threads_changes_nothing() -> None:
     finally:
         kernels.set_threads(threads)
     np.testing.assert_array_equal(view_1.colour_sum, view_3.colour_sum)
-    np.testing.assert_array_equal(gradient_1, gradient_3)
+    np.testing.assert_array_equal(gradient_1.parameters, gradient_3.parameters)
+    np.testing.assert_array_equal(gradient_1.normals, gradient_3.normals)
 
 
 def test_an_unknown_backend_is_told_what_there_is() -> None:
