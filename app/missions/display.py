@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 from numpy import ndarray
 
-DISPLAY_SCHEMA_VERSION: Final = 1
+DISPLAY_SCHEMA_VERSION: Final = 2
 
 SUBSPACE_STATES: Final = ("reconstructed", "reconstructing", "unreconstructed")
 CANDIDATE_STATUSES: Final = ("selected", "below_threshold", "unreachable", "crossing")
@@ -27,6 +27,8 @@ class DisplayView:
     splat_centres_m: Float32[ndarray, "n 3"]
     splat_rgb: UInt8[ndarray, "n 3"]
     splat_radii_m: Float32[ndarray, " n"]
+    splat_normals: Float32[ndarray, "n n_normal"]
+    """Of discs (n, 3); of isotropic splats (n, 0)."""
     splat_opacities: UInt8[ndarray, " n"]
     """0..255."""
     trajectory_m: Float32[ndarray, "n_poses 3"]
@@ -80,7 +82,7 @@ MAX_POLYLINE: Final = 1_000
 
 def slot_bytes(max_splats: int, max_image_width: int) -> int:
     """Upper bound of a view's size in an `ArraySlot`: images are at most twice as high as wide."""
-    splats = max_splats * (12 + 3 + 4 + 1)
+    splats = max_splats * (12 + 3 + 4 + 12 + 1)
     images = 4 * max_image_width * (2 * max_image_width) * 3
     lists = MAX_TRAJECTORY * 12 + MAX_SUBSPACES * 25 + MAX_CANDIDATES * 29 + 2 * MAX_POLYLINE * 12
     return splats + images + lists + 64 * 1024

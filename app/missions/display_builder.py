@@ -33,7 +33,7 @@ QUALITY_WIDTH = 300
 
 def display_view(view: MissionView, *, max_splats: int, max_image_width: int) -> DisplayView:
     """Everything a viewer draws of `view`, bounded in size; the arrays share nothing with the mission's."""
-    centres, rgb, radii, opacities = _splats(view.snapshot.gaussians, max_splats)
+    centres, rgb, radii, normals, opacities = _splats(view.snapshot.gaussians, max_splats)
     plan = view.plan
     subspaces = plan.subspaces[:MAX_SUBSPACES] if plan is not None else ()
     candidates = _best(plan.candidates) if plan is not None else ()
@@ -44,6 +44,7 @@ def display_view(view: MissionView, *, max_splats: int, max_image_width: int) ->
         splat_centres_m=centres,
         splat_rgb=rgb,
         splat_radii_m=radii,
+        splat_normals=normals,
         splat_opacities=opacities,
         trajectory_m=_thinned(view.trajectory_m, MAX_TRAJECTORY),
         subspace_bounds_m=_rows([(*space.lower_m, *space.upper_m) for space in subspaces], 6),
@@ -66,8 +67,15 @@ def display_view(view: MissionView, *, max_splats: int, max_image_width: int) ->
 
 def _splats(
     gaussians: GaussianMap, limit: int
-) -> tuple[Float32[ndarray, "n 3"], UInt8[ndarray, "n 3"], Float32[ndarray, " n"], UInt8[ndarray, " n"]]:
-    """At most `limit` Gaussians: every k-th, larger and more opaque by what it stands for.
+) -> tuple[
+    Float32[ndarray, "n 3"],
+    UInt8[ndarray, "n 3"],
+    Float32[ndarray, " n"],
+    Float32[ndarray, "n n_normal"],
+    UInt8[ndarray, " n"],
+]:
+    """Centres, colours, radii, normals and opacities of at most `limit` Gaussians: every k-th, larger and
+    more opaque by what it stands for.
 
     Its radius grows by sqrt(k), as the spacing does, and by `GAP_FACTOR`, as thinned-out Gaussians are spread
     less evenly; its opacity becomes that of k of them behind each other: surfaces stay closed. A stride keeps
@@ -82,6 +90,7 @@ def _splats(
         parameters[:, CENTRE].astype(np.float32),
         (np.clip(parameters[:, RGB], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8),
         (np.exp(parameters[:, LOG_RADIUS]) * growth).astype(np.float32),
+        gaussians.normals[: gaussians.size : stride].copy(),
         opacities.astype(np.uint8),
     )
 

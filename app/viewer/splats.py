@@ -45,13 +45,16 @@ class SplatLayer:
                 view.splat_centres_m[rows],
                 view.splat_rgb[rows],
                 view.splat_radii_m[rows],
+                view.splat_normals[rows],
                 view.splat_opacities[rows],
             )
 
     def clear(self) -> None:
         empty = np.zeros((0, 3), np.float32)
         for tile in range(len(self._tiles)):
-            self._fill(tile, empty, empty.astype(np.uint8), empty[:, 0], empty[:, 0].astype(np.uint8))
+            self._fill(
+                tile, empty, empty.astype(np.uint8), empty[:, 0], empty[:, :0], empty[:, 0].astype(np.uint8)
+            )
 
     def set_visible(self, visible: bool) -> None:
         self._visible = visible
@@ -64,6 +67,7 @@ class SplatLayer:
         centres: Float32[ndarray, "n 3"],
         rgb: UInt8[ndarray, "n 3"],
         radii: Float32[ndarray, " n"],
+        normals: Float32[ndarray, "n n_normal"],
         opacities: UInt8[ndarray, " n"],
     ) -> None:
         n_rows = len(centres)
@@ -77,6 +81,9 @@ class SplatLayer:
         variances = np.full(TILE, self._min_radius_m**2, np.float32)
         variances[:n_rows] = np.maximum(radii, self._min_radius_m) ** 2
         covariances = variances[:, None, None] * _EYE
+        if normals.shape[1] == 3:  # discs: as thin as a splat may be
+            thinner = self._min_radius_m**2 - variances[:n_rows, None, None]
+            covariances[:n_rows] += thinner * normals[:, :, None] * normals[:, None, :]
         if tile < len(self._tiles):
             self._tiles[tile].set_gaussians(all_centres, covariances, all_rgb, all_opacities)
         else:

@@ -46,8 +46,9 @@ def top_view(
     below = gaussians.centres_m[:, 2] < cut_height_m
     if not below.any():
         raise MapError(f"no Gaussian lies below {cut_height_m} m: cut higher")
-    shown = GaussianMap()
-    shown.append(gaussians.parameters[: gaussians.size][below], anchor_keyframe=0)
+    shown = GaussianMap(primitive=gaussians.primitive)
+    rows = slice(gaussians.size)
+    shown.append(gaussians.parameters[rows][below], gaussians.normals[rows][below], anchor_keyframe=0)
     lower, upper = bounds_m if bounds_m is not None else _extent(gaussians)
     size = np.maximum(upper - lower, 0.1) * 1.02
     pixels_per_metre = width_px / size[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from hgs_core.config.base import StrictConfig
+from hgs_core.gaussians.gaussian_map import Primitive
 from hgs_core.gaussians.optimise import LearningRates, LossWeights
 
 
@@ -64,6 +65,9 @@ class ThinningConfig(StrictConfig):
 class MappingConfig(StrictConfig):
     """The Gaussian mapper: bounded work for every frame."""
 
+    primitive: Primitive = "isotropic"
+    """What the map is made of: `isotropic` balls, or `disc`s that lie on the surface. A step on discs costs
+    about one and a half times as much."""
     iterations_per_s: float = Field(25.0, ge=0)
     """Optimisation steps a second of mission time, one image each, at half resolution (lockstep clock). Under
     the real clock there are as many as time is left for."""

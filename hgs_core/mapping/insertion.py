@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 
-from hgs_core.gaussians.gaussian_map import N_PARAMETERS
+from hgs_core.gaussians.gaussian_map import N_PARAMETERS, Primitive
 from hgs_core.gaussians.place_order import place_order
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
-from hgs_core.mapping.surface import surface_borders, surface_steps
+from hgs_core.mapping.surface import surface_borders, surface_normals, surface_steps
 
 _CONTRAST_CELL: Final = 4
 
@@ -45,17 +46,32 @@ def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[nda
     return spacing
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NewGaussians:
+    """What `GaussianMap.append` takes."""
+
+    parameters: Float32[ndarray, "n 8"]
+    normals: Float32[ndarray, "n n_normal"]
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def chosen(self, which: Bool[ndarray, " n"] | Int[ndarray, " k"] | slice) -> NewGaussians:
+        return NewGaussians(parameters=self.parameters[which], normals=self.normals[which])
+
+
 def new_gaussians(
     image: TrainingImage,
     wanted: Bool[ndarray, "height width"],
     spacing_m: Float32[ndarray, "height width"],
     config: InsertionConfig,
-) -> Float32[ndarray, "n 8"]:
+    primitive: Primitive = "isotropic",
+) -> NewGaussians:
     """Gaussians about `spacing_m` apart on the surface seen in the wanted pixels, sorted by place.
 
     They lie on a lattice of pixels whose pitch, in columns and in rows, is the power of two that comes
     nearest to that spacing on the surface (slanted as it is, with `follow_slant`): powers of two, so that
-    lattices of different pitch share their points.
+    lattices of different pitch share their points. Discs lie in the surface (`surface_normals`).
     """
     rows, columns = np.nonzero(wanted)
     across, down = _steps(image, rows, columns, follow_slant=config.follow_slant)
@@ -74,7 +90,11 @@ def new_gaussians(
     parameters[:, 3:6] = image.rgb[rows, columns] / np.float32(255.0)
     parameters[:, 6] = np.log(radius)
     parameters[:, 7] = np.log(config.opacity / (1.0 - config.opacity))
-    return parameters[place_order(parameters[:, 0:3])]
+    normals = np.zeros((len(z), 0), np.float32)
+    if primitive == "disc":
+        seen = surface_normals(image.depth_m, camera, rows, columns)
+        normals = (seen @ image.T_world_camera.rotation.T).astype(np.float32)
+    return NewGaussians(parameters=parameters, normals=normals).chosen(place_order(parameters[:, 0:3]))
 
 
 def _contrast(image: TrainingImage) -> Float32[ndarray, "height width"]:

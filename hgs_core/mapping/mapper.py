@@ -68,7 +68,7 @@ class Mapper:
         rng: np.random.Generator,
     ) -> None:
         self.config = config
-        self.gaussians = GaussianMap()
+        self.gaussians = GaussianMap(primitive=config.primitive)
         self.voxels = VoxelMap(voxel_config, region=region)
         self.keyframes = KeyframeStore(keyframe_folder, range_m=camera_range_m)
         self._camera_range_m = camera_range_m
@@ -251,11 +251,14 @@ class Mapper:
         if coarsening is None:
             return 0
         wanted = missing_pixels(image, rendered, self.config.insertion)
-        parameters = new_gaussians(image, wanted, np.float32(coarsening) * spacing_m, self.config.insertion)
-        room = self.config.max_gaussians - self.gaussians.size
-        parameters = parameters[self._density.admit(parameters)][:room]
-        self.gaussians.append(parameters, anchor_keyframe=anchor)
-        return len(parameters)
+        config = self.config
+        new = new_gaussians(
+            image, wanted, np.float32(coarsening) * spacing_m, config.insertion, config.primitive
+        )
+        room = config.max_gaussians - self.gaussians.size
+        new = new.chosen(self._density.admit(new.parameters)).chosen(slice(room))
+        self.gaussians.append(new.parameters, new.normals, anchor_keyframe=anchor)
+        return len(new)
 
     def _coarsening(self) -> int | None:
         """How much coarser than usual to insert as the budget runs out; None when it is spent."""

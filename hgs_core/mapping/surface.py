@@ -1,4 +1,4 @@
-"""The slant and the borders of the surfaces that a depth image shows."""
+"""The slant, the normals and the borders of the surfaces that a depth image shows."""
 
 from __future__ import annotations
 
@@ -16,6 +16,14 @@ _BEND_M: Final = 0.05
 _LONGEST: Final = 8.0
 """Steps end at so many times those of a surface that faces the camera."""
 
+_HALF_WINDOW: Final = 3
+"""Of the pixels that a normal is fitted to."""
+_FEWEST_ON_PLANE: Final = 12
+"""With fewer of these 49 on one plane, there is no normal."""
+_OFF_PLANE_M: Final = 0.03
+"""Pixels farther from the plane belong to something else."""
+_FITS: Final = 2
+
 
 def surface_steps(
     depth_m: Float32[ndarray, "height width"],
@@ -30,19 +38,52 @@ def surface_steps(
     that surface's.
     """
     z = depth_m[rows, columns].astype(np.float64)
-    ray_x, ray_y = (columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy
-    ray_squared = ray_x**2 + ray_y**2 + 1.0
+    ray = _rays(camera, rows, columns)
+    ray_squared = np.sum(ray**2, axis=1)
     steps = []
-    for axis, (focal, ray_along) in enumerate(((camera.fx, ray_x), (camera.fy, ray_y))):
-        forward = _inverse_depth(depth_m, rows + axis, columns + 1 - axis) - 1.0 / z
-        backward = 1.0 / z - _inverse_depth(depth_m, rows - axis, columns - 1 + axis)
-        take_forward = np.isnan(backward) | (np.abs(forward) <= np.abs(backward))
-        slope = -(z**2) * np.nan_to_num(np.where(take_forward, forward, backward))  # of z [m/px]
+    for axis, (focal, of_inverse) in enumerate(
+        zip((camera.fx, camera.fy), _slopes(depth_m, rows, columns), strict=True)
+    ):
+        slope = -(z**2) * of_inverse  # of z [m/px]
         facing = z / focal
         # |slope ray + facing e|^2 with the unit vector e along the axis.
-        squared = slope**2 * ray_squared + 2.0 * slope * facing * ray_along + facing**2
+        squared = slope**2 * ray_squared + 2.0 * slope * facing * ray[:, axis] + facing**2
         steps.append(np.minimum(np.sqrt(squared), _LONGEST * facing))
     return steps[0], steps[1]
+
+
+def surface_normals(
+    depth_m: Float32[ndarray, "height width"],
+    camera: CameraIntrinsics,
+    rows: Int[ndarray, " n"],
+    columns: Int[ndarray, " n"],
+) -> Float[ndarray, "n 3"]:
+    """Unit normals at these pixels in the camera's frame, towards it; without one, the way to the camera.
+
+    `depth_m` must be smooth, and measured at the pixels. On a plane inverse depth is linear in the image; it
+    is fitted to those of the 7 x 7 pixels around that agree with it to `_OFF_PLANE_M`, at first with the
+    slopes of `surface_steps`, so that at the border of a surface they are that surface's own.
+    """
+    offsets = np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
+    down, across = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
+    basis = np.stack([np.ones(down.size), across, down], axis=1)
+    products = (basis[:, :, None] * basis[:, None, :]).reshape(down.size, 9)
+    z = depth_m[rows, columns].astype(np.float64)
+    around = _inverse_depth(depth_m, rows[:, None] + down, columns[:, None] + across)
+    known = np.isfinite(around)
+    around = np.where(known, around, 0.0)
+    plane = np.stack([1.0 / z, *_slopes(depth_m, rows, columns)], axis=1)
+    for _ in range(_FITS):
+        on_plane = known & (np.abs(around - plane @ basis.T) * z[:, None] ** 2 < _OFF_PLANE_M)
+        normal_matrix = (on_plane @ products).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
+        plane = np.linalg.solve(normal_matrix, ((on_plane * around) @ basis)[..., None])[..., 0]
+    # 1 / Z = a + b (u - u0) + c (v - v0) is n . p = 1 with u = fx X / Z + cx, v likewise.
+    ray = _rays(camera, rows, columns)
+    along_u, along_v = plane[:, 1] * camera.fx, plane[:, 2] * camera.fy
+    normals = np.stack([along_u, along_v, plane[:, 0] - along_u * ray[:, 0] - along_v * ray[:, 1]], axis=1)
+    found = (on_plane.sum(axis=1) >= _FEWEST_ON_PLANE) & (np.sum(normals * ray, axis=1) > 0.0)
+    towards = np.where(found[:, None], -normals, -ray)
+    return towards / np.linalg.norm(towards, axis=1, keepdims=True)
 
 
 def surface_borders(depth_m: Float32[ndarray, "height width"]) -> Bool[ndarray, "height width"]:
@@ -65,13 +106,35 @@ def surface_borders(depth_m: Float32[ndarray, "height width"]) -> Bool[ndarray, 
     return borders & measured
 
 
-def _inverse_depth(
+def _rays(
+    camera: CameraIntrinsics, rows: Int[ndarray, " n"], columns: Int[ndarray, " n"]
+) -> Float[ndarray, "n 3"]:
+    """Through the centres of pixels, with z = 1, in the camera's frame."""
+    x, y = (columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy
+    return np.stack([x, y, np.ones_like(x)], axis=1)
+
+
+def _slopes(
     depth_m: Float32[ndarray, "height width"], rows: Int[ndarray, " n"], columns: Int[ndarray, " n"]
-) -> Float[ndarray, " n"]:
+) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+    """Of inverse depth by column and by row [1/m/px]: the smaller one-sided difference; 0 without."""
+    here = 1.0 / depth_m[rows, columns].astype(np.float64)
+    slopes = []
+    for axis in range(2):
+        forward = _inverse_depth(depth_m, rows + axis, columns + 1 - axis) - here
+        backward = here - _inverse_depth(depth_m, rows - axis, columns - 1 + axis)
+        take_forward = np.isnan(backward) | (np.abs(forward) <= np.abs(backward))
+        slopes.append(np.nan_to_num(np.where(take_forward, forward, backward)))
+    return slopes[0], slopes[1]
+
+
+def _inverse_depth(
+    depth_m: Float32[ndarray, "height width"], rows: Int[ndarray, "*n"], columns: Int[ndarray, "*n"]
+) -> Float[ndarray, "*n"]:
     """1 / depth at pixels [1/m]; NaN beyond the image and where nothing was measured."""
     height, width = depth_m.shape
     depth = depth_m[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)].astype(np.float64)
     known = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     known &= (depth > 0) & np.isfinite(depth)
-    inverse: Float[ndarray, " n"] = np.where(known, 1.0 / np.where(known, depth, 1.0), np.nan)
+    inverse: Float[ndarray, "*n"] = np.where(known, 1.0 / np.where(known, depth, 1.0), np.nan)
     return inverse

@@ -1,5 +1,6 @@
 import asyncio
 import time
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -32,6 +33,7 @@ def display(n_splats: int = 100, n_candidates: int = 3, time_s: float = 1.0) -> 
         splat_centres_m=rng.uniform([0, 0, 0], [8, 5, 3], (n_splats, 3)).astype(np.float32),
         splat_rgb=rng.integers(0, 255, (n_splats, 3)).astype(np.uint8),
         splat_radii_m=np.full(n_splats, 0.004, np.float32),
+        splat_normals=np.zeros((n_splats, 0), np.float32),
         splat_opacities=np.full(n_splats, 200, np.uint8),
         trajectory_m=rng.uniform(0, 5, (7, 3)).astype(np.float32),
         subspace_bounds_m=np.array([[0, 0, 0, 4, 4, 3], [4, 0, 0, 8, 4, 3]], np.float32),
@@ -134,6 +136,17 @@ def test_unused_and_clipped_splats_are_transparent_and_small_ones_enlarged(scene
     assert np.all(alphas[100:] == 0)
     np.testing.assert_allclose(tile.covariances[:100, 0, 0], 0.015**2, rtol=2e-3)
     np.testing.assert_allclose(tile.centers[:100], view.splat_centres_m)
+
+
+def test_discs_are_flat_splats(scene):
+    normals = np.tile(np.float32([0.0, 0.6, 0.8]), (100, 1))
+    scene._draw(
+        "m", replace(display(100), splat_normals=normals, splat_radii_m=np.full(100, 0.1, np.float32))
+    )
+    covariances = node(scene, "/gaussians/0").covariances[:100]
+    along = np.einsum("ni,nij,nj->n", normals, covariances, normals)
+    np.testing.assert_allclose(along, 0.015**2, rtol=0.05)
+    np.testing.assert_allclose(covariances[:, 0, 0], 0.1**2, rtol=2e-3)
 
 
 def test_a_new_mission_clears_the_old_one(scene):

@@ -5,10 +5,11 @@ import pytest
 
 from hgs_core.errors import MapError
 from hgs_core.evaluation.top_view import top_view
-from hgs_core.gaussians.gaussian_map import GaussianMap
+from hgs_core.gaussians.gaussian_map import GaussianMap, Primitive
+from tests.gaussians.maps import PRIMITIVES
 
 
-def floor_and_ceiling() -> GaussianMap:
+def floor_and_ceiling(primitive: Primitive = "isotropic") -> GaussianMap:
     """A 4 x 2 m floor, red but for a green quarter at large x and y, under a white ceiling."""
     x, y = np.meshgrid(np.arange(0.0, 4.0, 0.05), np.arange(0.0, 2.0, 0.05), indexing="ij")
     n = x.size
@@ -20,14 +21,16 @@ def floor_and_ceiling() -> GaussianMap:
     parameters[n:, 3:6] = 1.0
     parameters[:, 6] = np.log(0.04)
     parameters[:, 7] = 4.0
-    gaussians = GaussianMap()
-    gaussians.append(parameters, anchor_keyframe=0)
+    gaussians = GaussianMap(primitive=primitive)
+    up = np.tile(np.float32([0.0, 0.0, 1.0]), (2 * n, 1))
+    gaussians.append(parameters, up if primitive == "disc" else None, anchor_keyframe=0)
     return gaussians
 
 
-def test_axes_cut_and_path() -> None:
+@PRIMITIVES
+def test_axes_cut_and_path(primitive: Primitive) -> None:
     path = np.array([[0.5, 0.5, 1.0], [1.5, 0.5, 1.0]])
-    image = top_view(floor_and_ceiling(), path, width_px=400)
+    image = top_view(floor_and_ceiling(primitive), path, width_px=400)
     height = image.shape[0]
     assert height == pytest.approx(200, abs=6)
     assert image[height // 4, 300].argmax() == 1  # green: right and up

@@ -57,7 +57,7 @@ def test_spacing_has_a_least_value_and_is_zero_without_a_measurement() -> None:
 @pytest.mark.parametrize(("z_m", "stride_px"), [(4.0, 4), (2.0, 4), (1.0, 8), (0.5, 16)])
 def test_a_facing_wall_gets_a_square_lattice(z_m: float, stride_px: int) -> None:
     image = wall_at(z_m)
-    parameters = new_gaussians(image, ALL, wanted_spacing(image, CONFIG), CONFIG)
+    parameters = new_gaussians(image, ALL, wanted_spacing(image, CONFIG), CONFIG).parameters
     assert len(parameters) == pytest.approx(340 * 600 / stride_px**2, rel=0.05)
     spacing = stride_px * z_m / CAMERA.fx
     np.testing.assert_allclose(np.exp(parameters[:, LOG_RADIUS]), CONFIG.radius_factor * spacing, rtol=1e-4)
@@ -76,7 +76,7 @@ def test_a_slanted_floor_is_covered_evenly() -> None:
     wanted = np.zeros((340, 600), bool)
     wanted[240:] = True  # nearer than 4.2 m
     spacing = np.full((340, 600), 0.05, np.float32)
-    parameters = new_gaussians(image, wanted, spacing, CONFIG)
+    parameters = new_gaussians(image, wanted, spacing, CONFIG).parameters
     points = in_camera(image, parameters)[:, [0, 2]]
     inner = points[(np.abs(points[:, 0]) < 1.0) & (points[:, 1] > 1.9) & (points[:, 1] < 3.8)]
     assert len(inner) == pytest.approx(2.0 * 1.9 / 0.05**2, rel=0.35)
@@ -86,8 +86,8 @@ def test_a_slanted_floor_is_covered_evenly() -> None:
 
 def test_wider_spacing_uses_a_part_of_the_same_lattice() -> None:
     image = wall_at(3.0)
-    fine = new_gaussians(image, ALL, np.full((340, 600), 0.02, np.float32), CONFIG)
-    coarse = new_gaussians(image, ALL, np.full((340, 600), 0.04, np.float32), CONFIG)
+    fine = new_gaussians(image, ALL, np.full((340, 600), 0.02, np.float32), CONFIG).parameters
+    coarse = new_gaussians(image, ALL, np.full((340, 600), 0.04, np.float32), CONFIG).parameters
     assert len(fine) == 4 * len(coarse)
     assert {tuple(p) for p in coarse[:, CENTRE].tolist()} < {tuple(p) for p in fine[:, CENTRE].tolist()}
 
@@ -98,7 +98,7 @@ def test_only_wanted_pixels() -> None:
     wanted = np.zeros((340, 600), bool)
     assert len(new_gaussians(image, wanted, spacing, CONFIG)) == 0
     wanted[:, :300] = True
-    parameters = new_gaussians(image, wanted, spacing, CONFIG)
+    parameters = new_gaussians(image, wanted, spacing, CONFIG).parameters
     assert (in_camera(image, parameters)[:, 0] < 0.02).all()
     assert len(parameters) == pytest.approx(340 * 300 / 16, rel=0.05)
 
@@ -111,7 +111,19 @@ def test_without_slant_every_pixel_counts_as_facing_the_camera() -> None:
         finest_px=2.0, finest_m=1e-6, widest_factor=1.0, radius_factor=1.0, follow_slant=False
     )
     image = picture(floor)
-    parameters = new_gaussians(image, image.measured, wanted_spacing(image, config), config)
+    parameters = new_gaussians(image, image.measured, wanted_spacing(image, config), config).parameters
     assert len(parameters) == np.count_nonzero(image.measured)
     z = in_camera(image, parameters)[:, 2]
     np.testing.assert_allclose(np.exp(parameters[:, LOG_RADIUS]), z / CAMERA.fx, rtol=1e-4)
+
+
+def test_discs_lie_in_the_slanted_surface() -> None:
+    normal = np.array([0.6, 0.2, 1.0])
+    image = picture(1.5 / np.maximum(CAMERA.rays() @ normal, 0.2))
+    new = new_gaussians(image, image.depth_m < 4.0, wanted_spacing(image, CONFIG), CONFIG, "disc")
+    balls = new_gaussians(image, image.depth_m < 4.0, wanted_spacing(image, CONFIG), CONFIG)
+    np.testing.assert_array_equal(new.parameters, balls.parameters)
+    assert balls.normals.shape == (len(balls), 0)
+    world = image.T_world_camera.rotation @ (-normal / np.linalg.norm(normal))
+    assert np.mean(new.normals @ world.astype(np.float32) > 0.999) > 0.97
+    np.testing.assert_allclose(np.linalg.norm(new.normals, axis=1), 1.0, atol=1e-6)

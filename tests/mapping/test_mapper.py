@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from scipy.ndimage import binary_dilation
 
 from hgs_core.gaussians.gaussian_map import CENTRE, LOGIT_OPACITY
+from hgs_core.gaussians.render import render
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
@@ -198,3 +199,31 @@ def test_few_to_prune_are_hidden_until_there_are_more(tmp_path: Path) -> None:
 def test_steps_cannot_be_shared_out_twice() -> None:
     with pytest.raises(ValidationError, match=r"current_frame_share 0\.7 and replay_share 0\.4"):
         MappingConfig(current_frame_share=0.7, replay_share=0.4)
+
+
+def test_a_map_of_discs_learns_the_same_wall(tmp_path: Path) -> None:
+    """Optimised, pruned, saved and restored as discs; they lie on the wall and show its colours."""
+    mapper = empty_mapper(MappingConfig(primitive="disc"), tmp_path / "keyframes")
+    for number in range(4):
+        mapper.integrate(smooth_wall(0.0, number))
+        mapper.optimise(interrupted=lambda: False)
+    gaussians = mapper.gaussians
+    assert gaussians.primitive == "disc"
+    assert gaussians.size > 100
+    np.testing.assert_allclose(np.linalg.norm(gaussians.normals[: gaussians.size], axis=1), 1.0, atol=1e-5)
+    last = smooth_wall(0.0, 4)
+    report = mapper.integrate(last)
+    assert report.psnr_predicted_db > 35.0
+    seen = render(gaussians, last.intrinsics, last.T_world_camera)
+    assert np.median(np.abs(seen.depth_m - last.depth_m)) < 0.002
+    mapper.prune()
+    again = empty_mapper(MappingConfig(primitive="disc"), tmp_path / "others")
+    again.restore(pickle.loads(pickle.dumps(mapper.state())), keyframe_folder=tmp_path / "keyframes")
+    size = mapper.gaussians.size
+    assert again.gaussians.primitive == "disc"
+    np.testing.assert_array_equal(again.gaussians.normals[:size], mapper.gaussians.normals[:size])
+
+
+def test_an_unknown_primitive_is_refused() -> None:
+    with pytest.raises(ValidationError, match=r"isotropic.*disc"):
+        MappingConfig.model_validate({"primitive": "cube"})

@@ -29,7 +29,8 @@ def grey_wall() -> TrainingImage:
 def map_of(image: TrainingImage) -> GaussianMap:
     gaussians = GaussianMap()
     spacing = np.full(image.depth_m.shape, 0.04, np.float32)
-    gaussians.append(new_gaussians(image, image.measured, spacing, INSERTION), anchor_keyframe=0)
+    new = new_gaussians(image, image.measured, spacing, INSERTION)
+    gaussians.append(new.parameters, anchor_keyframe=0)
     return gaussians
 
 

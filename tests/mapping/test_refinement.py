@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hgs_core.errors import MapError
-from hgs_core.gaussians.gaussian_map import LOG_RADIUS, LOGIT_OPACITY, GaussianMap
+from hgs_core.gaussians.gaussian_map import LOG_RADIUS, LOGIT_OPACITY, RGB, GaussianMap
 from hgs_core.gaussians.optimise import LearningRates, LossWeights
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.mapping.config import DepthFusionConfig
@@ -136,3 +136,19 @@ def test_no_keyframes_no_refinement(tmp_path: Path, archive: KeyframeArchive) ->
     archive.__class__ = Empty
     with pytest.raises(MapError, match="no keyframes"):
         refine(grey_wall(), archive, RefinementConfig(), steps=1)
+
+
+def test_tilted_discs_are_laid_onto_their_wall(archive: KeyframeArchive) -> None:
+    """Discs at 30 degrees to the wall, in its place and of its colours: depth turns them into it."""
+    balls = grey_wall()
+    upper = balls.centres_m[:, 2] > 1.0
+    balls.parameters[: balls.size, RGB] = np.where(upper[:, None], [0.784, 0.0, 0.0], [0.0, 0.0, 0.784])
+    gaussians = GaussianMap(primitive="disc")
+    normal = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0], np.float32)
+    gaussians.append(balls.parameters[: balls.size], np.tile(normal, (balls.size, 1)), anchor_keyframe=-1)
+    refine(gaussians, archive, RefinementConfig(), steps=80)
+    seen = gaussians.adam_steps[: gaussians.size] > 40
+    assert np.count_nonzero(seen) > 500
+    normals = gaussians.normals[: gaussians.size][seen]
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+    assert np.median(np.degrees(np.arccos(np.clip(np.abs(normals[:, 0]), 0.0, 1.0)))) < 15.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hgs_core.geometry.camera import CameraIntrinsics
-from hgs_core.mapping.surface import surface_borders, surface_steps
+from hgs_core.mapping.surface import surface_borders, surface_normals, surface_steps
 
 CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
 
@@ -62,3 +62,43 @@ def test_what_noise_is_left_makes_no_borders() -> None:
     depth = plane_depth((0.3, 0.2, 1.0), 3.0)
     noisy = depth + rng.normal(0.0, 0.005, depth.shape).astype(np.float32)
     assert surface_borders(noisy).mean() < 0.02
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.5, 0.1, 1.0), (-0.2, 0.6, 1.0), (0.9, 0.0, 0.25)])
+def test_normals_on_a_plane_are_its_own(normal: tuple[float, float, float]) -> None:
+    depth = plane_depth(normal, 1.0)
+    depth[(depth < 0) | (depth > 8.0)] = 0.0
+    rows, columns = np.nonzero(depth)
+    inner = (rows > 4) & (rows < 35) & (columns > 4) & (columns < 55)
+    found = surface_normals(depth, CAMERA, rows[inner], columns[inner])
+    unit = -np.array(normal) / np.linalg.norm(normal)
+    cosines = found @ unit
+    assert np.median(cosines) > 1.0 - 1e-6
+    assert np.mean(cosines > 0.999) > 0.95
+
+
+def test_normals_under_noise_are_off_by_degrees() -> None:
+    depth = plane_depth((0.5, 0.1, 1.0), 2.0)
+    depth += np.random.default_rng(0).normal(0.0, 0.0025, depth.shape).astype(np.float32)
+    rows, columns = (a.ravel() for a in np.mgrid[5:35, 5:55])
+    cosines = surface_normals(depth, CAMERA, rows, columns) @ (-np.array([0.5, 0.1, 1.0]) / np.sqrt(1.26))
+    assert np.degrees(np.arccos(np.quantile(cosines, 0.1))) < 4.0
+
+
+def test_normals_at_an_edge_are_those_of_either_side() -> None:
+    """Two walls that meet at a right angle, seen from within: no pixel takes a normal between."""
+    rays = CAMERA.rays()
+    sides = [np.array([0.7, 0.0, 0.7]), np.array([-0.7, 0.0, 0.7])]
+    depth = np.min([1.4 / np.maximum(rays @ side, 1e-3) for side in sides], axis=0).astype(np.float32)
+    rows, columns = (a.ravel() for a in np.mgrid[5:35, 5:55])
+    found = surface_normals(depth, CAMERA, rows, columns)
+    nearest = np.max([-(found @ side) for side in sides], axis=0) / np.linalg.norm(sides[0])
+    assert np.mean(nearest > np.cos(np.radians(10.0))) > 0.9
+
+
+def test_without_a_surface_around_a_normal_looks_at_the_camera() -> None:
+    depth = np.zeros((40, 60), np.float32)
+    depth[20, 30] = 2.0
+    found = surface_normals(depth, CAMERA, np.array([20]), np.array([30]))
+    ray = CAMERA.rays()[20, 30]
+    np.testing.assert_allclose(found[0], -ray / np.linalg.norm(ray), atol=1e-12)
