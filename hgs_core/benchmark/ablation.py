@@ -35,6 +35,7 @@ AS_IT_IS: Final = "as it is"
 
 ABLATIONS: Final[dict[str, dict[str, Any]]] = {
     AS_IT_IS: {},
+    "isotropic Gaussians": {"primitive": "isotropic"},
     "no optimisation": {"iterations_per_s": 0.0},
     "depth not smoothed": {"fusion": {"smoothing_radius_px": 0}},
     "centres follow the newest depth": {"fusion": {"max_observations": 1}},
