@@ -4,7 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hgs_core.planning.navigation_grid import NavigationGrid
-from hgs_core.planning.path_search import pairwise_costs, path_from_robot, reach_from, shortest_path
+from hgs_core.planning.path_search import (
+    off_the_walls,
+    pairwise_costs,
+    path_from_robot,
+    reach_from,
+    shortest_path,
+)
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 from tests.planning.floors import grid_of, room
 
@@ -111,3 +117,20 @@ def test_a_walled_in_robot_reaches_nothing() -> None:
     grid = grid_of(voxels, at=(2.55, 2.55))
     inside = np.flatnonzero(reach_from(grid, np.array([2.55, 2.55])).reachable.ravel())
     assert np.all(np.linalg.norm(grid.centres_m(inside) - 2.55, axis=1) < 0.5)
+
+
+def test_a_path_keeps_to_the_middle_of_an_aisle_of_an_even_number_of_cells() -> None:
+    grid = grid_of(room(40, 8))  # 0.6 m wide: every centre near the middle is 0.25 m from one wall
+    row = np.array([cell * 8 + 3 for cell in range(4, 35)])
+    points = grid.centres_m(row)
+    assert grid.path_clearance_m(points).max() < 0.26
+    moved = off_the_walls(grid, points)
+    assert np.array_equal(moved[[0, -1]], points[[0, -1]])
+    np.testing.assert_allclose(moved[1:-1, 1], 0.4)
+    assert grid.path_clearance_m(moved[1:-1]).min() > 0.29
+
+
+def test_a_roomy_path_stays_where_it_is() -> None:
+    grid = grid_of(room(40, 40))
+    points = grid.centres_m(np.array([cell * 40 + 20 for cell in range(6, 34)]))
+    assert off_the_walls(grid, points) is points
