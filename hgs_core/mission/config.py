@@ -153,4 +153,21 @@ def _override(content: dict[str, Any], key: str, text: str) -> None:
         if not isinstance(child, dict):
             raise ConfigError(f"--set {key}={text}: {section!r} is a value, not a section")
         target = child
-    target[field] = yaml.safe_load(text)
+    target[field] = _yaml_value(key, text)
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """YAML without references to earlier nodes: a short text of them can stand for a value of any size."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.MarkedYAMLError(problem="references (*name) are not allowed")
+        return super().compose_node(parent, index)
+
+
+def _yaml_value(key: str, text: str) -> Any:
+    try:
+        return yaml.load(text, _PlainLoader)
+    except (yaml.YAMLError, ValueError, ArithmeticError, RecursionError) as error:
+        # Not only YAMLError: 2001-99-99 has no such month, and a thousand brackets nest too deep.
+        raise ConfigError(f"--set {key}={text}: not a YAML value: {error}") from error

@@ -250,7 +250,9 @@ def _write_results(
         "versions": software_versions(),
         "mission": config.model_dump(mode="json"),
     }
-    (folder / RUN_CONFIG).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    partial = folder / f"{RUN_CONFIG}.partial"
+    partial.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    partial.replace(folder / RUN_CONFIG)
 
 
 class NoCommands:

@@ -67,3 +67,12 @@ def test_another_planner_takes_the_place_of_the_presets(planner: str) -> None:
 def test_an_unknown_planner_lists_what_there_is() -> None:
     with pytest.raises(ConfigError, match="naruto"):
         resolve_mission_config("paper", {"planner": "narutto"})
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[", "\x99", "2001-99-99", "[" * 3000, "{a: &a [1], b: *a}", "!!python/object:os.system {}", "? : ["],
+)
+def test_a_value_that_yaml_cannot_read_is_named(text):
+    with pytest.raises(ConfigError, match=r"limits\.max_time_s"):
+        resolve_mission_config("quick", {"limits.max_time_s": text})
