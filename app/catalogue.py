@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.errors import Invalid
+from app.errors import Conflict, Invalid, NotFound
 from app.missions.service import MissionOrder
-from app.schemas import MissionCreate, PresetEntry, SceneEntry
+from app.schemas import MissionCreate, PresetEntry, PresetSave, SceneEntry
+from app.storage.presets import PresetStore
+from app.storage.tables import PresetRecord
 from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError, SceneError
 from hgs_core.mission.config import resolve_mission_config
@@ -17,10 +21,11 @@ from hgs_core.scene.registry import find_source, scene_names
 
 
 class Catalogue:
-    """Scenes that go by a name, and the meshes and scans directly in `scenes_dir`."""
+    """Scenes by name, and the meshes and scans directly in `scenes_dir`; built-in and saved presets."""
 
-    def __init__(self, scenes_dir: Path | None) -> None:
+    def __init__(self, scenes_dir: Path | None, saved: PresetStore) -> None:
         self._scenes_dir = scenes_dir
+        self._saved = saved
 
     def scenes(self) -> list[SceneEntry]:
         named = [_named(name, what) for name, what in scene_names().items()]
@@ -35,12 +40,47 @@ class Catalogue:
         return [*named, *files]
 
     def presets(self) -> list[PresetEntry]:
-        entries = []
-        for name in preset_names("mission"):
-            content = load_preset("mission", name)
-            description = str(content.pop("description", ""))
-            entries.append(PresetEntry(name=name, description=description, content=content))
-        return entries
+        """Built-in ones, then those that operators saved."""
+        built_in = [_built_in(name) for name in preset_names("mission")]
+        return [*built_in, *(_saved_entry(record) for record in self._saved.all())]
+
+    def preset(self, name: str) -> PresetEntry:
+        """Raises `NotFound`."""
+        if name in preset_names("mission"):
+            return _built_in(name)
+        record = self._saved.find(name)
+        if record is None:
+            raise NotFound(f"there is no preset {name!r}")
+        return _saved_entry(record)
+
+    def save_preset(self, name: str, wish: PresetSave, *, saved_by: str) -> tuple[PresetEntry, bool]:
+        """Add or replace a preset; whether it is new. Raises `Conflict` for a built-in one, `Invalid`."""
+        names = preset_names("mission")
+        if name in names:
+            raise Conflict(f"preset {name!r} is built in: save yours under another name")
+        errors = (
+            [_unknown("base", wish.base, names)]
+            if wish.base not in names
+            else _refused_overrides(wish.base, wish.overrides)
+        )
+        if errors:
+            raise _refusal(errors)
+        record = PresetRecord(
+            name=name,
+            base=wish.base,
+            description=wish.description,
+            overrides=dict(wish.overrides),
+            saved_by=saved_by,
+            saved_at=time.time(),
+        )
+        return _saved_entry(record), self._saved.save(record)
+
+    def delete_preset(self, name: str) -> None:
+        """Raises `NotFound`, or `Conflict` for a built-in one. Missions made of it are as they were."""
+        if name in preset_names("mission"):
+            raise Conflict(f"preset {name!r} is built in and stays")
+        if not self._saved.delete(name):
+            raise NotFound(f"there is no preset {name!r}")
 
     def order(self, wish: MissionCreate) -> MissionOrder:
         """`wish`, names resolved. Raises `Invalid` that names the field, its value and what there is."""
@@ -49,22 +89,26 @@ class Catalogue:
         if source is None:
             scenes = [*(scene.name for scene in self.scenes()), *(f"{name}:SEED" for name in BUILT_IN_SCENES)]
             errors.append(_unknown("scene", wish.scene, scenes))
-        presets = preset_names("mission")
-        if wish.preset not in presets:
-            errors.append(_unknown("preset", wish.preset, presets))
-        else:
-            errors += _refused_overrides(wish)
+        base, overrides = wish.preset, dict(wish.overrides)
+        if base not in preset_names("mission"):
+            saved = self._saved.find(base)
+            if saved is None:
+                errors.append(_unknown("preset", base, [entry.name for entry in self.presets()]))
+            else:
+                base, overrides = saved.base, {**saved.overrides, **overrides}
+        if base in preset_names("mission"):
+            errors += _refused_overrides(base, overrides)
         if errors or source is None:
-            detail = "; ".join(str(error["message"]) for error in errors)
-            raise Invalid(detail, errors=errors)
+            raise _refusal(errors)
         return MissionOrder(
             scene=wish.scene,
             scene_source=source,
             preset=wish.preset,
+            preset_source=base,
             seed=wish.seed,
             max_time_s=wish.max_time_s,
             clock=wish.clock,
-            overrides=dict(wish.overrides),
+            overrides=overrides,
         )
 
     def _source(self, scene: str) -> str | None:
@@ -114,12 +158,35 @@ def _description(path: Path) -> str:
     return size
 
 
-def _refused_overrides(wish: MissionCreate) -> list[dict[str, Any]]:
+def _built_in(name: str) -> PresetEntry:
+    content = load_preset("mission", name)
+    description = str(content.pop("description", ""))
+    return PresetEntry(
+        name=name, description=description, built_in=True, base=name, overrides={}, content=content
+    )
+
+
+def _saved_entry(record: PresetRecord) -> PresetEntry:
+    return PresetEntry(
+        name=record.name,
+        description=record.description,
+        built_in=False,
+        base=record.base,
+        overrides=record.overrides,
+        content=_built_in(record.base).content,
+    )
+
+
+def _refusal(errors: list[dict[str, Any]]) -> Invalid:
+    return Invalid("; ".join(str(error["message"]) for error in errors), errors=errors)
+
+
+def _refused_overrides(preset: str, overrides: Mapping[str, str]) -> list[dict[str, Any]]:
     """What the mission's configuration has against the overrides, in its own words."""
     try:
-        resolve_mission_config(wish.preset, dict(wish.overrides))
+        resolve_mission_config(preset, dict(overrides))
     except ConfigError as error:
-        return [{"field": "overrides", "value": dict(wish.overrides), "message": str(error)}]
+        return [{"field": "overrides", "value": dict(overrides), "message": str(error)}]
     return []
 
 

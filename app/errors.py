@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import logging
+import json
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,8 +14,6 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from hgs_core.errors import HgsError
-
-log = logging.getLogger(__name__)
 
 PROBLEM_MEDIA_TYPE = "application/problem+json"
 
@@ -46,9 +45,42 @@ class Invalid(ServiceError):
     title = "The request is not valid"
 
 
+class Unauthorized(ServiceError):
+    status = 401
+    title = "Log in first"
+
+
 class Forbidden(ServiceError):
     status = 403
     title = "Refused"
+
+
+class TooMany(ServiceError):
+    status = 429
+    title = "Too many requests"
+
+    def __init__(self, detail: str, *, retry_after_s: int) -> None:
+        super().__init__(detail)
+        self.retry_after_s = retry_after_s
+
+
+class HeadTooLarge(ServiceError):
+    status = 431
+    title = "Request header fields too large"
+
+
+class Unavailable(ServiceError):
+    status = 503
+    title = "Not available now"
+
+
+class _ProblemResponse(JSONResponse):
+    """In ASCII: what was refused may hold what has no UTF-8, half a surrogate pair for one."""
+
+    media_type = PROBLEM_MEDIA_TYPE
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False).encode("ascii")
 
 
 def problem(
@@ -70,19 +102,32 @@ def problem(
     }
     if errors:
         content["errors"] = jsonable_encoder(list(errors))
-    return JSONResponse(
-        content, status_code=status, media_type=PROBLEM_MEDIA_TYPE, headers=dict(headers) if headers else None
+    return _ProblemResponse(content, status_code=status, headers=dict(headers) if headers else None)
+
+
+def problem_of(request: Request, error: ServiceError) -> JSONResponse:
+    """The problem document of a service error."""
+    headers = {}
+    if isinstance(error, TooMany):
+        headers["Retry-After"] = str(error.retry_after_s)
+    if isinstance(error, Unauthorized):
+        headers["WWW-Authenticate"] = "Bearer"
+    return problem(
+        request,
+        status=error.status,
+        title=error.title,
+        detail=error.detail,
+        errors=error.errors,
+        headers=headers,
     )
 
 
 def install_error_handlers(app: FastAPI) -> None:
-    """Make every error of `app` a problem document."""
+    """Make every expected error of `app` a problem document; the gate does so with the others."""
 
     async def service_error(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, ServiceError)
-        return problem(
-            request, status=error.status, title=error.title, detail=error.detail, errors=error.errors
-        )
+        return problem_of(request, error)
 
     async def domain_error(request: Request, error: Exception) -> JSONResponse:
         return problem(request, status=422, title=Invalid.title, detail=str(error))
@@ -103,20 +148,17 @@ def install_error_handlers(app: FastAPI) -> None:
             headers=error.headers,
         )
 
-    async def unexpected_error(request: Request, error: Exception) -> JSONResponse:
-        log.exception("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
-        return problem(
-            request,
-            status=500,
-            title=ServiceError.title,
-            detail=f"{type(error).__name__}: see the service's log",
-        )
-
     app.add_exception_handler(ServiceError, service_error)
     app.add_exception_handler(HgsError, domain_error)
     app.add_exception_handler(RequestValidationError, validation_error)
     app.add_exception_handler(HTTPException, http_error)
-    app.add_exception_handler(Exception, unexpected_error)
+
+
+def _printable(value: Any) -> Any:
+    """A value as a problem tells it: strict JSON, and no longer than anybody reads."""
+    if value is None or isinstance(value, bool | int) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    return str(value)[:200]
 
 
 def _field_error(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -124,7 +166,7 @@ def _field_error(entry: Mapping[str, Any]) -> dict[str, Any]:
     value = entry.get("input")
     found: dict[str, Any] = {
         "field": ".".join(place) or str(entry["loc"][0]),
-        "value": value if isinstance(value, str | int | float | bool | None) else str(value)[:200],
+        "value": _printable(value),
         "message": entry["msg"],
     }
     allowed = {

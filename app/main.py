@@ -5,79 +5,107 @@ Missions run in processes of their own (`app.missions`).
 
 from __future__ import annotations
 
-import logging
+import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from pathlib import Path
 
-import uvicorn
+from anyio import CapacityLimiter
 from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
-from app.api import events, images, missions, results, scenes, system
+from app.api import events, images, missions, results, scenes, session, system, viewer
 from app.catalogue import Catalogue
 from app.errors import install_error_handlers
 from app.missions.service import DEFAULT_RUNNER, MissionService
+from app.openapi import install_openapi
 from app.schemas import MissionCreate
-from app.security import LocalOnly
-from app.settings import Settings, require_loopback, settings_from_environment, static_root
-from app.viewer.scene import MissionScene
-
-log = logging.getLogger(__name__)
-
-_SHUTDOWN_S = 5
-"""How long open connections may finish when the service stops [s]."""
+from app.security.access import AccessRules, HostList
+from app.security.gate import Gate
+from app.security.rates import Rates
+from app.security.sessions import SessionBook
+from app.security.tokens import tokens_of
+from app.server import server_of
+from app.settings import Settings, static_root
+from app.storage.audit import AuditStore
+from app.storage.data_dir import DataDirLock
+from app.storage.database import Database
+from app.storage.logins import LoginStore
+from app.storage.missions import MissionStore
+from app.storage.presets import PresetStore
+from app.streams import Streams
+from app.viewer.scenes import Scenes
 
 
 def create_app(settings: Settings, *, runner: str = DEFAULT_RUNNER) -> FastAPI:
-    """The service as an ASGI application. `runner` is what a mission process calls (see `MissionService`)."""
-    require_loopback(settings.host)
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
-    service = MissionService(settings, runner=runner)
-    catalogue = Catalogue(settings.scenes_dir)
-    viewer = MissionScene(settings.display) if settings.viewer else None
+    """The service as an ASGI application. `runner` is what a mission process calls (see `MissionService`).
+
+    Raises `ConfigError` for settings that would leave it open, and when its data are in use or unusable.
+    """
+    tokens = tokens_of(settings)
+    lock = DataDirLock(settings.data_dir)
+    database = Database(settings.database)
+    try:
+        database.open()
+        sessions = SessionBook(tokens, LoginStore(database), lifetime_s=settings.access.session_s)
+    except BaseException:
+        lock.release()
+        raise
+    service = MissionService(settings, MissionStore(database), runner=runner)
+    catalogue = Catalogue(settings.scenes_dir, PresetStore(database))
+    rules, rates, audit = AccessRules(tokens, sessions), Rates(settings.limits), AuditStore(database)
+    scenes_3d = Scenes(settings.display) if settings.viewer else None
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        if viewer is not None:
-            service.add_view_listener(viewer.show)
+        if scenes_3d is not None:
+            service.add_view_listener(scenes_3d.show)
+        await run_in_threadpool(service.begin)
         if settings.demo:
             await run_in_threadpool(_start_demo, service, catalogue, settings)
         yield
         await run_in_threadpool(service.shutdown)
-        if viewer is not None:
-            await run_in_threadpool(viewer.close)
+        if scenes_3d is not None:
+            await run_in_threadpool(scenes_3d.close)
+        database.close()
+        lock.release()
 
     app = FastAPI(title="hgs", version=version("hgs"), lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.settings = settings
+    app.state.database = database
     app.state.service = service
     app.state.catalogue = catalogue
-    app.state.viewer = viewer
+    app.state.scenes = scenes_3d
+    app.state.tokens = tokens
+    app.state.sessions = sessions
+    app.state.rules = rules
+    app.state.rates = rates
+    app.state.audit = audit
+    app.state.streams = Streams()
+    app.state.stop_threads = CapacityLimiter(8)
     install_error_handlers(app)
+    install_openapi(app)
     api = APIRouter(prefix="/api/v1")
-    for module in (scenes, missions, events, images, results, system):
+    for module in (session, scenes, missions, events, images, results, system):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(system.health_router)
+    app.include_router(viewer.router)
     app.mount("/", StaticFiles(directory=static_root(), html=True), name="operator page")
-    app.add_middleware(LocalOnly, viewer_origin=viewer.url if viewer is not None else None)
+    hosts = HostList(settings.host, settings.access.allowed_hosts)
+    app.add_middleware(Gate, hosts=hosts, rules=rules, rates=rates, audit=audit, limits=settings.limits)
     return app
 
 
-def serve(host: str, port: int, data_dir: Path, demo: bool) -> None:
-    """Serve until SIGINT or SIGTERM. Raises `ConfigError` for an address that is not this machine's own."""
-    settings = settings_from_environment(host=host, port=port, data_dir=data_dir, demo=demo)
-    uvicorn.run(
-        create_app(settings),
-        host=settings.host,
-        port=settings.port,
-        workers=1,
-        log_level="warning",
-        timeout_graceful_shutdown=_SHUTDOWN_S,
-        ws_per_message_deflate=False,
-    )
+def serve(settings: Settings) -> None:
+    """Serve until SIGINT or SIGTERM. Raises `ConfigError` as `create_app` does, and `OSError` for an address
+    that cannot be listened on.
+    """
+    app = create_app(settings)
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    with socket.create_server((settings.host, settings.port), family=family) as listener:
+        server_of(app, settings, end_streams=app.state.streams.end).run(sockets=[listener])
 
 
 def _start_demo(service: MissionService, catalogue: Catalogue, settings: Settings) -> None:

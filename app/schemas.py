@@ -8,10 +8,20 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.missions.display import IMAGE_KINDS
 from app.missions.states import MissionState
+from app.security.principal import Role
 from hgs_core.mission.clock import ClockKind
 
+PresetName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 OverrideKey = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_.]{0,99}$")]
 OverrideValue = Annotated[str, StringConstraints(max_length=500)]
+Overrides = Annotated[
+    dict[OverrideKey, OverrideValue],
+    Field(
+        max_length=64,
+        examples=[{"limits.max_time_s": "300"}],
+        json_schema_extra={"additionalProperties": False},  # beside the keys' pattern, which pydantic states
+    ),
+]
 
 
 class ApiModel(BaseModel):
@@ -23,14 +33,14 @@ class MissionCreate(ApiModel):
 
     scene: str = Field("house", min_length=1, max_length=200, examples=["house", "house:3"])
     """A built-in scene or the name of a listed file."""
-    preset: str = Field("paper", min_length=1, max_length=100)
-    """A mission preset by name."""
+    preset: str = Field("paper", min_length=1, max_length=100, examples=["paper", "quick"])
+    """A mission preset by name: a built-in one, or one that an operator saved."""
     seed: int = Field(0, ge=0, le=2**31 - 1)
     max_time_s: float | None = Field(None, gt=0, le=1e6)
     """Limit of mission time [s]; none by default."""
     clock: ClockKind | None = None
     """`lockstep`: repeatable; `real`: mapper and planner must keep up with the robot. None: the preset's."""
-    overrides: dict[OverrideKey, OverrideValue] = Field(default_factory=dict, max_length=64)
+    overrides: Overrides = Field(default_factory=dict)
     """Settings that differ from the preset, `key.path = value`."""
 
 
@@ -72,6 +82,9 @@ class MissionSummary(ApiModel):
     clock: ClockKind | None
     """As ordered; none: the preset's."""
     overrides: dict[str, str]
+    """Settings that differ from the built-in preset, a saved preset's among them."""
+    created_by: str
+    """Name of the token that created it; `anyone` where no tokens are set."""
     state: MissionState
     reason: str
     """Why it is in this state, in words."""
@@ -80,6 +93,7 @@ class MissionSummary(ApiModel):
     stop_reason: str | None
     created_at: float
     """Unix time [s]."""
+    queued_at: float | None
     started_at: float | None
     ended_at: float | None
     commands: list[str]
@@ -100,10 +114,15 @@ class MissionDetail(MissionSummary):
 
 class MissionList(ApiModel):
     missions: list[MissionSummary]
-    running: str | None
-    """The mission that has a process now."""
-    in_scene: str | None
-    """The mission that the 3D scene shows."""
+    """Newest first."""
+    next_cursor: str | None
+    """Give this as `cursor` for the older ones; none when there are none."""
+    running: list[str]
+    """Missions that have a process now, oldest first."""
+    queued: list[str]
+    """Missions that wait for a free place, in the order in which they will start."""
+    missions_at_once: int
+    """How many may run beside each other."""
 
 
 class EventPage(ApiModel):
@@ -131,7 +150,23 @@ class SceneEntry(ApiModel):
 class PresetEntry(ApiModel):
     name: str
     description: str
+    built_in: bool
+    base: str
+    """The built-in preset below it: itself, for a built-in one."""
+    overrides: dict[str, str]
+    """Settings of a saved preset that differ from `base`."""
     content: dict[str, Any]
+    """Settings of `base`."""
+
+
+class PresetSave(ApiModel):
+    """A preset of your own: a built-in one with settings that differ."""
+
+    base: str = Field(min_length=1, max_length=100, examples=["paper"])
+    description: str = Field(
+        "", max_length=500, pattern=r"^[^\x00]*$", examples=["Short missions for trying out"]
+    )
+    overrides: Overrides = Field(default_factory=dict)
 
 
 class ResultFile(ApiModel):
@@ -144,8 +179,8 @@ class ResultFile(ApiModel):
 
 class SystemInfo(ApiModel):
     version: str
-    viewer_url: str | None
-    """Where the 3D scene is served; none when the viewer is off."""
+    viewer: bool
+    """Whether 3D scenes are served, at `/viewer/MISSION/`."""
     min_splat_m: float
     """Smallest radius at which the viewer draws a splat [m]."""
     max_splats: int
@@ -155,3 +190,62 @@ class SystemInfo(ApiModel):
 
 class Health(ApiModel):
     status: str = "ok"
+
+
+class Login(ApiModel):
+    token: str = Field(min_length=1, max_length=500, examples=["kU1cTqTzq2cHkP6pWvXj0mY8b3e5r7t9"])
+    """An operator's or a viewer's token."""
+
+
+class SessionInfo(ApiModel):
+    login_required: bool
+    """Whether tokens are set; otherwise everyone on this machine is an operator."""
+    name: str | None
+    """Whose token it is; none when not logged in."""
+    role: Role | None
+    expires_at: float | None
+    """Unix time [s] at which the session ends; none without a session."""
+
+
+class AuditEntry(ApiModel):
+    """An attempt to change something, and what came of it."""
+
+    id: int
+    at: float
+    """Unix time [s]."""
+    actor: str
+    """Name of the token; `anyone` where none is set, `unknown` where none was recognised."""
+    role: str
+    address: str
+    method: str
+    path: str
+    status: int
+    """HTTP status of the answer; from 400 on, nothing was changed."""
+
+
+class AuditPage(ApiModel):
+    entries: list[AuditEntry]
+    """Newest first."""
+    next_before: int | None
+    """Give this as `before` for the older ones; none when there are none."""
+
+
+class ProblemEntry(BaseModel):
+    """One thing that was wrong with a request."""
+
+    field: str
+    value: Any = None
+    message: str | None = None
+    allowed: Any = None
+
+
+class Problem(BaseModel):
+    """What went wrong (RFC 9457)."""
+
+    type: str = Field(examples=["about:blank"])
+    title: str = Field(examples=["Not possible now"])
+    status: int = Field(ge=400, le=599, examples=[409])
+    detail: str = Field(examples=["cannot pause mission 20260102-030405-1a2b3c4d5e6f: it is created"])
+    instance: str
+    """Path of the request."""
+    errors: list[ProblemEntry] = Field(default_factory=list)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import ipaddress
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field
+from limits import parse
+from pydantic import AfterValidator, Field, SecretStr
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.errors import ConfigError
@@ -44,11 +47,63 @@ class DisplaySettings(StrictConfig):
     """Splats above this height are hidden at first, so that the ceiling does not cover the rooms [m]."""
 
 
+def _rate(text: str) -> str:
+    parse(text)  # raises ValueError for what is not a rate
+    return text
+
+
+Rate = Annotated[str, AfterValidator(_rate)]
+"""So many in a time, as in `60/minute`."""
+
+
+class LimitSettings(StrictConfig):
+    """How much one client may ask for. A client is a token, a session, or else an address."""
+
+    requests: Rate = "6000/minute"
+    changes: Rate = "300/minute"
+    """Requests that change something. STOP is not counted: it passes every queue."""
+    logins: Rate = "10/minute"
+    """Logins tried, and wrong tokens shown, from one address."""
+    body_bytes: int = Field(256 * 1024, ge=1024)
+    """Largest body of a request [B]."""
+    head_bytes: int = Field(32 * 1024, ge=1024)
+    """Largest head of a request, all its header fields together [B]."""
+    message_bytes: int = Field(1024 * 1024, ge=1024)
+    """Largest message that a WebSocket client may send [B]."""
+    header_s: float = Field(10.0, gt=0)
+    """Until a request's head must have come [s]."""
+    body_s: float = Field(20.0, gt=0)
+    """Until a request's body must have come [s]."""
+    send_s: float = Field(60.0, gt=0)
+    """How long a client may take in nothing of what it is sent; then its connection ends [s]."""
+    streams: int = Field(100, ge=1)
+    """Event streams and viewers that one client may have open."""
+    connections: int = Field(256, ge=8)
+    """Connections from one address that have not shown a valid token or session."""
+
+
+class AccessSettings(StrictConfig):
+    """Who may do what. Without tokens everyone who reaches the loopback address is an operator."""
+
+    operator_token: SecretStr | None = None
+    viewer_token: SecretStr | None = None
+    token_file: Path | None = None
+    """Hashes of further tokens, as `hgs token` prints them."""
+    allowed_hosts: tuple[str, ...] = ()
+    """Names that the service answers to, beside those of the loopback address and the one it listens on."""
+    session_s: float = Field(12 * 3600.0, gt=0)
+    """How long a browser stays logged in [s]."""
+    trusted_proxies: tuple[str, ...] = ()
+    """Addresses of proxies whose X-Forwarded headers are believed."""
+
+
 class Settings(StrictConfig):
     """Everything `create_app` needs."""
 
     data_dir: Path
-    """Where missions, their results and logs lie."""
+    """Where missions, their results and logs lie, and the database unless `database_url` names another."""
+    database_url: SecretStr | None = None
+    """As SQLAlchemy takes it; None: SQLite in `data_dir`."""
     scenes_dir: Path | None = None
     """Folder of meshes offered beside the built-in scenes."""
     host: str = "127.0.0.1"
@@ -58,8 +113,12 @@ class Settings(StrictConfig):
     demo_preset: str = "paper"
     viewer: bool = True
     """Serve the 3D viewer."""
+    missions_at_once: int = Field(1, ge=1, le=64)
+    """Missions that may run beside each other; further ones are queued."""
     mission_threads: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
-    """Threads that a mission process may use."""
+    """Threads for all missions together."""
+    limits: LimitSettings = LimitSettings()
+    access: AccessSettings = AccessSettings()
     supervision: SupervisionSettings = SupervisionSettings()
     display: DisplaySettings = DisplaySettings()
 
@@ -67,33 +126,65 @@ class Settings(StrictConfig):
     def missions_dir(self) -> Path:
         return self.data_dir / "missions"
 
+    @property
+    def threads_per_mission(self) -> int:
+        return max(1, self.mission_threads // self.missions_at_once)
 
-def settings_from_environment(*, host: str, port: int, data_dir: Path, demo: bool) -> Settings:
-    """The given options, and `HGS_SCENES_DIR`. Raises `ConfigError` for what is not allowed."""
-    scenes = os.environ.get("HGS_SCENES_DIR")
+    @property
+    def database(self) -> str:
+        if self.database_url is not None:
+            return self.database_url.get_secret_value()
+        return f"sqlite:///{self.data_dir / 'hgs.db'}"
+
+
+def settings_from_environment(
+    *,
+    host: str,
+    port: int,
+    data_dir: Path,
+    demo: bool,
+    missions_at_once: int = 1,
+    environment: Mapping[str, str] = os.environ,
+) -> Settings:
+    """The given options, and what `HGS_...` variables say. Raises `ConfigError` for what is not allowed."""
+    told = {name: value for name, value in environment.items() if name.startswith("HGS_") and value}
+    scenes, tokens = told.get("HGS_SCENES_DIR"), told.get("HGS_TOKEN_FILE")
     if scenes and not Path(scenes).is_dir():
         raise ConfigError(f"HGS_SCENES_DIR={scenes!r} is not a folder")
-    require_loopback(host)
+    if tokens and not Path(tokens).is_file():
+        raise ConfigError(f"HGS_TOKEN_FILE={tokens!r} is not a file")
     return Settings(
         host=host,
         port=port,
         data_dir=data_dir.expanduser().resolve(),
+        database_url=_secret(told, "HGS_DATABASE_URL"),
         demo=demo,
+        missions_at_once=missions_at_once,
         scenes_dir=Path(scenes).resolve() if scenes else None,
+        access=AccessSettings(
+            operator_token=_secret(told, "HGS_OPERATOR_TOKEN"),
+            viewer_token=_secret(told, "HGS_VIEWER_TOKEN"),
+            token_file=Path(tokens).resolve() if tokens else None,
+            allowed_hosts=_words(told.get("HGS_ALLOWED_HOSTS", "")),
+            trusted_proxies=_words(told.get("HGS_TRUSTED_PROXIES", "")),
+        ),
     )
 
 
-def require_loopback(host: str) -> None:
-    """Raise `ConfigError` unless `host` can be reached from this machine alone."""
+def _secret(told: Mapping[str, str], name: str) -> SecretStr | None:
+    return SecretStr(told[name]) if name in told else None
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def is_loopback(host: str) -> bool:
+    """Whether `host` can be reached from this machine alone."""
     try:
-        loopback = host == "localhost" or ipaddress.ip_address(host).is_loopback
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
-        loopback = False
-    if not loopback:
-        raise ConfigError(
-            f"will not listen on {host!r}: this service has no access control yet, so it answers this "
-            "machine only. Use 127.0.0.1, and `ssh -L 8000:127.0.0.1:8000 HOST` to reach it from elsewhere"
-        )
+        return False
 
 
 def static_root() -> Path:

@@ -72,10 +72,15 @@ def files_seen_from_elsewhere(installed: Path, cwd: Path) -> set[str]:
 
 
 def tracked_assets(repository: Path) -> set[str]:
-    """Where every preset and every file of the page must lie in the wheel."""
+    """Where every preset, every file of the page and every migration must lie in the wheel."""
     assets = set()
-    for source, place in (("configs", "hgs_core/configs"), ("frontend_static", "app/frontend_static")):
-        files = (path for path in (repository / source).rglob("*") if path.is_file())
+    migrations = "app/storage/migrations/versions"
+    for source, place in (
+        ("configs", "hgs_core/configs"),
+        ("frontend_static", "app/frontend_static"),
+        (migrations, migrations),
+    ):
+        files = (p for p in (repository / source).rglob("*") if p.is_file() and p.suffix != ".pyc")
         assets |= {f"{place}/{path.relative_to(repository / source)}" for path in files}
     return assets
 

@@ -1,57 +1,113 @@
-"""Events of a mission: history over REST, live over a WebSocket."""
+"""Events of a mission: history over REST, live over a WebSocket or as server-sent events."""
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import json
-from typing import Annotated
+from collections.abc import AsyncGenerator, AsyncIterator
+from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Header, Query, WebSocket, WebSocketDisconnect, status
+from fastapi.responses import StreamingResponse
+from fastapi.sse import format_sse_event
+from starlette.concurrency import run_in_threadpool
 
-from app.deps import MissionDep, ServiceDep
+from app.deps import MissionDep, PrincipalDep, RulesDep, ServiceDep, StreamPlaceDep, StreamsDep
 from app.errors import NotFound
-from app.missions.mission import Mission
+from app.openapi import problems
 from app.schemas import EventPage
 
 router = APIRouter(prefix="/missions", tags=["events"])
 
-_QUIET_S = 5.0
-"""A quiet stream says `alive` so often, so that a page can tell silence from a lost connection."""
+_EventKind = Annotated[str, Query(max_length=50, pattern=r"^[a-z_]+$")]
 
 
-@router.get("/{mission_id}/events", operation_id="listEvents")
+@router.get("/{mission_id}/events", operation_id="listEvents", responses=problems(404))
 def list_events(
     mission: MissionDep,
-    after: Annotated[int, Query(ge=0, description="Only events with a higher sequence number")] = 0,
+    after: Annotated[int, Query(ge=0, le=2**31 - 1, description="Only events with a higher number")] = 0,
     limit: Annotated[int, Query(ge=1, le=5_000)] = 500,
-    kind: Annotated[list[str] | None, Query(description="Only these kinds; repeat for several")] = None,
-    newest: Annotated[bool, Query(description="The last ones, not the first; `after` is ignored")] = False,
+    kind: Annotated[
+        list[_EventKind] | None, Query(description="Only these kinds; repeat for several", max_length=20)
+    ] = None,
+    newest: Annotated[bool, Query(description="The last ones above `after`, not the first")] = False,
 ) -> EventPage:
     """Past events in order."""
-    if newest:
-        events, more = mission.log.newest_of(kind, limit)
-        return EventPage(events=events, more=more)
-    events, more = mission.log.history(after=after, limit=limit, kinds=kind)
+    events, more = mission.log.history(after=after, limit=limit, kinds=kind, newest=newest)
     return EventPage(events=events, more=more)
 
 
-@router.websocket("/{mission_id}/events")
-async def stream_events(websocket: WebSocket, mission_id: str, service: ServiceDep, after: int = 0) -> None:
-    """Events as they come, from `after` on, one JSON object a message.
+@router.get(
+    "/{mission_id}/events/stream",
+    operation_id="streamEvents",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "Events as they come; `id` is the sequence number, `data` the event",
+            "content": {"text/event-stream": {"schema": {"type": "string"}}},
+        },
+        **problems(404),
+    },
+)
+async def stream_server_sent_events(
+    mission: MissionDep,
+    _place: StreamPlaceDep,
+    streams: StreamsDep,
+    rules: RulesDep,
+    principal: PrincipalDep,
+    after: Annotated[int, Query(ge=0, le=2**31 - 1, description="Only events with a higher number")] = 0,
+    last_event_id: Annotated[
+        int | None, Header(ge=0, le=2**31 - 1, description="The same; browsers send it when they reconnect")
+    ] = None,
+) -> StreamingResponse:
+    """Live events as server-sent events, from `after` or Last-Event-ID on.
 
-    A reader that cannot keep up misses telemetry, never a change of state. `{"kind": "alive"}` keeps a quiet
-    stream going; it has no sequence number.
+    A reader that cannot keep up misses telemetry, never a change of state. `event: alive`, without an id,
+    keeps a quiet stream going.
+    """
+    cursor = max(after, last_event_id or 0)
+    events = streams.follow(mission, cursor, allowed=lambda: rules.holds(principal))
+    # Not FastAPI's own EventSourceResponse: its queues raise when a reader leaves.
+    return StreamingResponse(
+        _encoded(events), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
+    )
+
+
+async def _encoded(events: AsyncGenerator[dict[str, Any]]) -> AsyncIterator[bytes]:
+    async with contextlib.aclosing(events):
+        async for event in events:
+            number = event.get("sequence")
+            yield format_sse_event(
+                data_str=json.dumps(event, allow_nan=False),
+                id=str(number) if number is not None else None,
+                event="alive" if number is None else None,
+            )
+
+
+@router.websocket("/{mission_id}/events")
+async def stream_events(
+    websocket: WebSocket,
+    mission_id: str,
+    service: ServiceDep,
+    streams: StreamsDep,
+    rules: RulesDep,
+    principal: PrincipalDep,
+) -> None:
+    """Events as they come, from `after` on, one JSON object a message; see `stream_server_sent_events`.
+
+    Close codes: 4401 the login ended, 4404 no such mission, 4422 `after` is not a sequence number, 1012 the
+    service restarts.
     """
     await websocket.accept()
-    try:
-        mission = service.get(mission_id)
-    except NotFound as error:
-        await websocket.close(code=4404, reason=error.detail)
+    wish = websocket.query_params.get("after", "0")
+    if not (wish.isascii() and wish.isdigit() and len(wish) < 10):
+        await websocket.close(code=4422, reason="after: expected a sequence number")
         return
-    if after < 0:
-        await websocket.close(code=4422, reason=f"after is {after}, expected a sequence number")
+    try:
+        mission = await run_in_threadpool(service.get, mission_id)
+    except NotFound:
+        await websocket.close(code=4404, reason="there is no such mission")
         return
     async with anyio.create_task_group() as group:
 
@@ -61,35 +117,13 @@ async def stream_events(websocket: WebSocket, mission_id: str, service: ServiceD
 
         group.start_soon(listen)
         with contextlib.suppress(WebSocketDisconnect):
-            await _send(websocket, mission, after)
+            events = streams.follow(mission, int(wish), allowed=lambda: rules.holds(principal))
+            async with contextlib.aclosing(events):
+                async for event in events:
+                    await websocket.send_text(json.dumps(event, allow_nan=False))
+            code = status.WS_1012_SERVICE_RESTART if streams.ended else 4401
+            await websocket.close(code=code, reason="the service ends" if streams.ended else "log in again")
         group.cancel_scope.cancel()
-
-
-async def _send(websocket: WebSocket, mission: Mission, cursor: int) -> None:
-    loop = asyncio.get_running_loop()
-    changed = asyncio.Event()
-
-    def wake() -> None:
-        with contextlib.suppress(RuntimeError):  # the loop has closed: nobody is left to wake
-            loop.call_soon_threadsafe(changed.set)
-
-    mission.log.add_waker(wake)
-    try:
-        while True:
-            changed.clear()
-            events = mission.log.live(cursor)
-            for event in events:
-                await websocket.send_text(json.dumps(event, allow_nan=False))
-                cursor = event["sequence"]
-            if events:
-                continue
-            with anyio.move_on_after(_QUIET_S) as quiet:
-                await changed.wait()
-            if quiet.cancelled_caught:
-                alive = {"kind": "alive", "state": str(mission.state), "silent_s": mission.silent_s}
-                await websocket.send_text(json.dumps(alive))
-    finally:
-        mission.log.remove_waker(wake)
 
 
 async def _until_disconnect(websocket: WebSocket) -> None:

@@ -10,6 +10,7 @@ from fastapi import APIRouter, Header, Response, status
 from app.deps import MissionDep
 from app.errors import NotFound
 from app.missions.display import IMAGE_KINDS
+from app.openapi import problems
 
 router = APIRouter(prefix="/missions", tags=["images"])
 
@@ -29,12 +30,21 @@ assert tuple(ImageKind) == IMAGE_KINDS
     operation_id="getImage",
     response_class=Response,
     responses={
-        200: {"content": {"image/jpeg": {}, "image/png": {}}, "description": "The image; ETag is its number"},
+        200: {
+            "content": {
+                kind: {"schema": {"type": "string", "format": "binary"}}
+                for kind in ("image/jpeg", "image/png")
+            },
+            "description": "The image; ETag is its number",
+        },
         304: {"description": "Still the image that If-None-Match names"},
+        **problems(404),
     },
 )
 def get_image(
-    mission: MissionDep, kind: ImageKind, if_none_match: Annotated[str | None, Header()] = None
+    mission: MissionDep,
+    kind: ImageKind,
+    if_none_match: Annotated[str | None, Header(max_length=500)] = None,
 ) -> Response:
     """Camera image, the map drawn from the same pose, measured depth, or quality gain of every pixel."""
     picture = mission.picture(kind)

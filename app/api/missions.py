@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Annotated
 
+from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Response, status
 
 from app.api.views import detail, summary
-from app.deps import CatalogueDep, MissionDep, MissionId, ServiceDep, ViewerDep
+from app.deps import (
+    CatalogueDep,
+    MissionDep,
+    MissionId,
+    PrincipalDep,
+    ServiceDep,
+    SettingsDep,
+    StopThreadsDep,
+)
 from app.missions.mission import Mission
+from app.missions.service import Idempotency
+from app.missions.states import MissionState
+from app.openapi import problems
 from app.schemas import MetricsPage, MissionCreate, MissionDetail, MissionList
 
 router = APIRouter(prefix="/missions", tags=["missions"])
+
+_CURSOR = r"^[0-9]{1,12}(\.[0-9]{1,12})?~[A-Za-z0-9-]{1,64}$"
+_MOST_ROWS = 20_000
 
 METRIC_COLUMNS = (
     "sequence",
@@ -31,64 +47,122 @@ METRIC_COLUMNS = (
 )
 
 
+_Refusable = problems(404, 409)
+
+
 @router.get("", operation_id="listMissions")
-def list_missions(service: ServiceDep, viewer: ViewerDep) -> MissionList:
-    """All missions, newest first."""
-    running = service.running()
+def list_missions(
+    service: ServiceDep,
+    settings: SettingsDep,
+    limit: Annotated[int, Query(ge=1, le=500)] = 100,
+    cursor: Annotated[
+        str | None,
+        Query(pattern=_CURSOR, max_length=100, description="`next_cursor` of the page before"),
+    ] = None,
+    state: Annotated[
+        list[MissionState] | None, Query(description="Only these states; repeat for several", max_length=20)
+    ] = None,
+) -> MissionList:
+    """Missions, newest first, a page at a time."""
+    found = service.page(limit + 1, before=_parsed(cursor), states=state)
+    shown = found[:limit]
+    last = shown[-1].record if shown else None
     return MissionList(
-        missions=[summary(mission) for mission in service.missions()],
-        running=running.id if running is not None else None,
-        in_scene=viewer.mission_id if viewer is not None else None,
+        missions=[summary(mission) for mission in shown],
+        next_cursor=f"{last.created_at!r}~{last.id}" if last is not None and len(found) > limit else None,
+        running=[mission.id for mission in service.running()],
+        queued=[mission.id for mission in service.queued()],
+        missions_at_once=settings.missions_at_once,
     )
 
 
-@router.post("", status_code=status.HTTP_201_CREATED, operation_id="createMission")
+@router.post(
+    "",
+    status_code=status.HTTP_201_CREATED,
+    operation_id="createMission",
+    responses={
+        201: {"headers": {"Location": {"schema": {"type": "string"}, "description": "Of the new mission"}}},
+        200: {"model": MissionDetail, "description": "The mission that this Idempotency-Key made before"},
+        **problems(409),
+    },
+)
 def create_mission(
     wish: MissionCreate,
     service: ServiceDep,
     catalogue: CatalogueDep,
+    principal: PrincipalDep,
     response: Response,
-    idempotency_key: Annotated[str | None, Header(max_length=200, min_length=1)] = None,
+    idempotency_key: Annotated[
+        str | None,
+        Header(max_length=200, min_length=1, pattern=r"^[\x21-\x7e]+$", examples=["2f1c6a1e-9a7e"]),
+    ] = None,
 ) -> MissionDetail:
     """Create a mission; it waits for start. The same Idempotency-Key gives the same mission (then 200)."""
-    mission, is_new = service.create(catalogue.order(wish), idempotency_key=idempotency_key)
+    once = _idempotency(idempotency_key, wish)
+    mission = service.replay(once) if once is not None else None
+    is_new = False
+    if mission is None:
+        mission, is_new = service.create(catalogue.order(wish), idempotency=once, created_by=principal.name)
     if not is_new:
         response.status_code = status.HTTP_200_OK
     response.headers["Location"] = f"/api/v1/missions/{mission.id}"
     return detail(mission)
 
 
-@router.get("/{mission_id}", operation_id="getMission")
+@router.get("/{mission_id}", operation_id="getMission", responses=problems(404))
 def get_mission(mission: MissionDep) -> MissionDetail:
     return detail(mission)
 
 
-@router.post("/{mission_id}/start", status_code=status.HTTP_202_ACCEPTED, operation_id="startMission")
+@router.post(
+    "/{mission_id}/start",
+    status_code=status.HTTP_202_ACCEPTED,
+    operation_id="startMission",
+    responses=_Refusable,
+)
 def start_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
-    """Launch the mission's process. One mission runs at a time."""
+    """Launch the mission's process, or queue the mission when as many run as may at once."""
     return detail(service.start(mission_id))
 
 
-@router.post("/{mission_id}/pause", status_code=status.HTTP_202_ACCEPTED, operation_id="pauseMission")
+@router.post(
+    "/{mission_id}/pause",
+    status_code=status.HTTP_202_ACCEPTED,
+    operation_id="pauseMission",
+    responses=_Refusable,
+)
 def pause_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
     return detail(service.pause(mission_id))
 
 
-@router.post("/{mission_id}/resume", status_code=status.HTTP_202_ACCEPTED, operation_id="resumeMission")
+@router.post(
+    "/{mission_id}/resume",
+    status_code=status.HTTP_202_ACCEPTED,
+    operation_id="resumeMission",
+    responses=_Refusable,
+)
 def resume_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
     return detail(service.resume(mission_id))
 
 
-@router.post("/{mission_id}/stop", status_code=status.HTTP_202_ACCEPTED, operation_id="stopMission")
-def stop_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
-    """Stop; the mission then evaluates what it has and writes its results. Safe to repeat."""
-    return detail(service.stop(mission_id))
+@router.post(
+    "/{mission_id}/stop",
+    status_code=status.HTTP_202_ACCEPTED,
+    operation_id="stopMission",
+    responses=problems(404),
+)
+async def stop_mission(mission_id: MissionId, service: ServiceDep, threads: StopThreadsDep) -> MissionDetail:
+    """Stop; the mission then evaluates what it has and writes its results. Safe to repeat, in any state."""
+    # Threads of its own: however many other requests wait for the database, STOP does not wait with them.
+    return await to_thread.run_sync(lambda: detail(service.stop(mission_id)), limiter=threads)
 
 
-@router.get("/{mission_id}/metrics", operation_id="getMetrics")
+@router.get("/{mission_id}/metrics", operation_id="getMetrics", responses=problems(404))
 def get_metrics(
     mission: MissionDep,
-    since: Annotated[int, Query(ge=0, description="Only figures newer than this sequence number")] = 0,
+    since: Annotated[
+        int, Query(ge=0, le=2**31 - 1, description="Only figures newer than this sequence number")
+    ] = 0,
     limit: Annotated[int, Query(ge=2, le=20_000, description="Thin evenly to at most so many rows")] = 2_000,
 ) -> MetricsPage:
     """Figures over time."""
@@ -96,10 +170,23 @@ def get_metrics(
 
 
 def _metrics(mission: Mission, since: int, limit: int) -> MetricsPage:
-    rows = mission.log.telemetry(after=since)
+    rows, _ = mission.log.history(after=since, limit=_MOST_ROWS, kinds=["telemetry"], newest=True)
     next_since = int(rows[-1]["sequence"]) if rows else since
     if len(rows) > limit:
         last = len(rows) - 1
         rows = [rows[round(k * last / (limit - 1))] for k in range(limit)]
     columns = {name: [row.get(name) for row in rows] for name in METRIC_COLUMNS}
     return MetricsPage(columns=columns, next_since=next_since)
+
+
+def _idempotency(key: str | None, wish: MissionCreate) -> Idempotency | None:
+    if key is None:
+        return None
+    return Idempotency(key=key, digest=hashlib.sha256(wish.model_dump_json().encode()).hexdigest())
+
+
+def _parsed(cursor: str | None) -> tuple[float, str] | None:
+    if cursor is None:
+        return None
+    created_at, _, mission_id = cursor.partition("~")
+    return float(created_at), mission_id

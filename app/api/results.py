@@ -10,6 +10,7 @@ from fastapi.responses import FileResponse
 from app.deps import MissionDep
 from app.errors import NotFound
 from app.missions.mission import Mission
+from app.openapi import problems
 from app.schemas import ResultFile
 
 router = APIRouter(prefix="/missions", tags=["results"])
@@ -27,7 +28,7 @@ _DESCRIPTIONS = {
 }
 
 
-@router.get("/{mission_id}/results", operation_id="listResults")
+@router.get("/{mission_id}/results", operation_id="listResults", responses=problems(404))
 def list_results(mission: MissionDep) -> list[ResultFile]:
     """Files of the mission; empty until it has written them. Keyframe images are left out: transforms.json
     names them, and each can be fetched by its name."""
@@ -43,7 +44,20 @@ def list_results(mission: MissionDep) -> list[ResultFile]:
     ]
 
 
-@router.get("/{mission_id}/results/{name:path}", operation_id="getResult", response_class=FileResponse)
+@router.get(
+    "/{mission_id}/results/{name:path}",
+    operation_id="getResult",
+    response_class=FileResponse,
+    responses={
+        200: {
+            "description": "The file",
+            "content": {"*/*": {"schema": {"type": "string", "format": "binary"}}},
+        },
+        206: {"description": "The part of it that Range names"},
+        416: {"description": "Range lies outside the file"},
+        **problems(404),
+    },
+)
 def get_result(mission: MissionDep, name: str) -> FileResponse:
     """Download one file: a listed one, or a keyframe's image."""
     path = _files(mission).get(name)

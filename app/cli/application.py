@@ -21,6 +21,7 @@ from app.cli.report import report
 from app.cli.run import run
 from app.cli.scenes import scenes
 from app.cli.serve import serve
+from app.cli.token import token
 from hgs_core.errors import HgsError
 
 
@@ -57,6 +58,7 @@ application.command()(picture)
 application.command()(scenes)
 application.command()(presets)
 application.command()(serve)
+application.command()(token)
 bench.command()(reference)
 application.add_typer(bench, name="bench")
 

@@ -1,4 +1,4 @@
-"""A mission's events in order: the newest in memory, all of them in a file.
+"""A mission's events in order: the newest in memory, all of them in the database.
 
 Readers keep nothing but a cursor (the sequence number they have seen), so a slow one costs no memory: when it
 falls behind, it is given every state change and only the newest telemetry.
@@ -6,114 +6,107 @@ falls behind, it is given every state change and only the newest telemetry.
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
-from typing import Any, Final
+from collections.abc import Callable, Collection
+from typing import Final
 
 from app.errors import Invalid
+from app.storage.database import StorageError
+from app.storage.missions import Event, MissionStore
+from app.storage.tables import MissionRecord
 
 log = logging.getLogger(__name__)
 
-Event = dict[str, Any]
-
-TELEMETRY_KEPT: Final = 20_000
-OTHERS_KEPT: Final = 4_000
+OTHERS_KEPT: Final = 256
 LIVE_TELEMETRY: Final = 20
 """Telemetry events that one read hands out at most; older ones are skipped."""
+STORED_PAGE: Final = 50
+"""Events that one read from the database hands out at most: a reader far behind holds no more than these."""
+BACKLOG: Final = 2_000
+"""Events that wait in memory while the database cannot be written; beyond that, telemetry is let go."""
 
 
 class EventLog:
-    """Append-only; safe to use from any thread. `path` holds one JSON event a line."""
+    """Append-only; safe to use from any thread. Reading what is in memory never waits for the database."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, store: MissionStore, mission_id: str) -> None:
+        self._store = store
+        self._mission_id = mission_id
+        self._writing = threading.Lock()
         self._lock = threading.Lock()
-        self._telemetry: deque[Event] = deque(maxlen=TELEMETRY_KEPT)
+        self._last = store.last_sequence(mission_id)
+        self._telemetry: deque[Event] = deque(maxlen=LIVE_TELEMETRY)
         self._others: deque[Event] = deque(maxlen=OTHERS_KEPT)
-        self._others_forgotten = 0
-        self._last = 0
+        self._complete_after = self._last
+        """Every event above this number that is not telemetry is in `_others`."""
+        self._newest: dict[str, Event] = {}
+        self._unsaved: list[Event] = []
+        self._unsaved_record: MissionRecord | None = None
         self._wakers: set[Callable[[], None]] = set()
-        _cut_off_unfinished_line(path)
-        for event in _read_lines(path):
-            self._remember(event)
-        self._file = path.open("a", encoding="utf-8", buffering=1)
 
     @property
     def last_sequence(self) -> int:
         return self._last
 
-    def append(self, event: Event) -> Event:
-        """Number `event`, write it down, and wake the readers. Returns it with its `sequence`."""
-        with self._lock:
+    def append(self, event: Event, record: MissionRecord | None = None) -> Event:
+        """Number `event`, save it (and `record`, in the same transaction), and wake the readers.
+
+        Returns it with its `sequence`. A database that cannot be written holds no robot up: the event is told
+        all the same and saved with the next one that can be.
+        """
+        with self._writing:
             numbered = {"sequence": self._last + 1, **event}
-            self._remember(numbered)
-            if not self._file.closed:
-                self._file.write(json.dumps(numbered, allow_nan=False) + "\n")
-            wakers = tuple(self._wakers)
+            self._unsaved.append(numbered)
+            self._unsaved_record = record if record is not None else self._unsaved_record
+            self._save()
+            with self._lock:
+                self._remember(numbered)
+                wakers = tuple(self._wakers)
         for wake in wakers:
             wake()
         return numbered
 
-    def live(self, after: int) -> list[Event]:
-        """What a live reader at `after` gets next: all that is not telemetry, and the newest telemetry."""
+    def live(self, after: int) -> list[Event] | None:
+        """What a live reader at `after` gets next: all that is not telemetry, and the newest telemetry.
+
+        None when it is so far behind that memory does not hold it all: ask `catch_up` then.
+        """
         with self._lock:
-            others = _newer(self._others, after)
-            telemetry = _newer(self._telemetry, after)[-LIVE_TELEMETRY:]
-            forgotten = self._others_forgotten
-        if after < forgotten:
-            others = [e for e in _read_lines(self._path) if e["sequence"] > after and not _is_telemetry(e)]
+            if after < self._complete_after:
+                return None
+            return sorted([*_newer(self._others, after), *_newer(self._telemetry, after)], key=_sequence)
+
+    def catch_up(self, after: int) -> list[Event]:
+        """As `live`, from the database, a page at a time; it may take a while."""
+        others = self._store.events(self._mission_id, after=after, limit=STORED_PAGE, without="telemetry")
+        if len(others) == STORED_PAGE:
+            return others
+        telemetry = self._store.events(
+            self._mission_id, after=after, limit=LIVE_TELEMETRY, kinds=["telemetry"], newest=True
+        )
         return sorted([*others, *telemetry], key=_sequence)
 
     def history(
-        self, *, after: int = 0, limit: int = 500, kinds: Iterable[str] | None = None
+        self, *, after: int = 0, limit: int = 500, kinds: Collection[str] | None = None, newest: bool = False
     ) -> tuple[list[Event], bool]:
-        """The first `limit` events above `after` of the given kinds, and whether there are more."""
-        wanted = None if kinds is None else frozenset(kinds)
+        """The first (or the last) `limit` events of these kinds above `after`, and whether there are more."""
         if limit < 1:
             raise Invalid(f"limit is {limit}, expected at least 1")
-        with self._lock:
-            complete = self._others_forgotten <= after and (
-                len(self._telemetry) < TELEMETRY_KEPT or _sequence(self._telemetry[0]) <= after + 1
-            )
-            found: Iterable[Event] = (
-                sorted([*_newer(self._others, after), *_newer(self._telemetry, after)], key=_sequence)
-                if complete
-                else ()
-            )
-        if not complete:
-            found = (event for event in _read_lines(self._path) if event["sequence"] > after)
-        page: list[Event] = []
-        for event in found:
-            if wanted is None or event["kind"] in wanted:
-                if len(page) == limit:
-                    return page, True
-                page.append(event)
-        return page, False
-
-    def newest_of(self, kinds: Iterable[str] | None, limit: int) -> tuple[list[Event], bool]:
-        """The last `limit` events of these kinds in memory, in order, and whether there are older ones."""
-        wanted = None if kinds is None else frozenset(kinds)
-        with self._lock:
-            pools = (self._others, self._telemetry)
-            found = sorted(
-                (e for pool in pools for e in pool if wanted is None or e["kind"] in wanted), key=_sequence
-            )
-            forgotten = self._others_forgotten > 0
-        return found[-limit:], len(found) > limit or forgotten
-
-    def telemetry(self, *, after: int = 0) -> list[Event]:
-        """Telemetry in memory above `after`."""
-        with self._lock:
-            return _newer(self._telemetry, after)
+        found = self._store.events(self._mission_id, after=after, limit=limit + 1, kinds=kinds, newest=newest)
+        more = len(found) > limit
+        if more:
+            found = found[1:] if newest else found[:limit]
+        return found, more
 
     def newest(self, kind: str) -> Event | None:
         with self._lock:
-            events = self._telemetry if kind == "telemetry" else self._others
-            return next((event for event in reversed(events) if event["kind"] == kind), None)
+            known = self._newest.get(kind)
+        if known is not None:
+            return known
+        found = self._store.events(self._mission_id, limit=1, kinds=[kind], newest=True)
+        return found[0] if found else None
 
     def add_waker(self, wake: Callable[[], None]) -> None:
         """Call `wake` after every append, from the appending thread, until `remove_waker`."""
@@ -124,18 +117,27 @@ class EventLog:
         with self._lock:
             self._wakers.discard(wake)
 
-    def close(self) -> None:
-        """Close the file; what is in memory stays readable."""
-        with self._lock:
-            self._file.close()
+    def _save(self) -> None:
+        try:
+            self._store.save(self._unsaved, self._unsaved_record, self._mission_id)
+        except StorageError as error:
+            log.error(
+                "mission %s: %d events wait to be saved: %s", self._mission_id, len(self._unsaved), error
+            )
+            if len(self._unsaved) > BACKLOG:
+                self._unsaved = [event for event in self._unsaved if not _is_telemetry(event)]
+        else:
+            self._unsaved.clear()
+            self._unsaved_record = None
 
     def _remember(self, event: Event) -> None:
         self._last = event["sequence"]
+        self._newest[event["kind"]] = event
         if _is_telemetry(event):
             self._telemetry.append(event)
             return
         if len(self._others) == OTHERS_KEPT:
-            self._others_forgotten = self._others[0]["sequence"]
+            self._complete_after = self._others[0]["sequence"]
         self._others.append(event)
 
 
@@ -156,25 +158,3 @@ def _newer(events: deque[Event], after: int) -> list[Event]:
         found.append(event)
     found.reverse()
     return found
-
-
-def _read_lines(path: Path) -> Iterator[Event]:
-    """Events in the file; a last line that is being written is left out."""
-    if not path.is_file():
-        return
-    with path.open(encoding="utf-8") as lines:
-        for line in lines:
-            if line.endswith("\n"):
-                yield json.loads(line)
-
-
-def _cut_off_unfinished_line(path: Path) -> None:
-    """Remove what a crash left of a line, so that the next event begins on a line of its own."""
-    if not path.is_file():
-        return
-    with path.open("rb+") as file:
-        content = file.read()
-        whole = content.rfind(b"\n") + 1
-        if whole != len(content):
-            log.warning("%s: dropped an event that a crash cut off", path)
-            file.truncate(whole)

@@ -10,13 +10,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.errors import Conflict
+from app.errors import Conflict, Unavailable
 from app.missions.display import DisplayView
 from app.missions.event_log import EventLog
-from app.missions.pictures import Picture, load_picture, picture_of, save_pictures
+from app.missions.pictures import Picture, load_view, picture_of, save_view
 from app.missions.states import COMMANDS, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
-from app.store import MissionRecord, MissionStore
+from app.storage.missions import MissionStore
+from app.storage.tables import MissionRecord
 
 log = logging.getLogger(__name__)
 
@@ -28,10 +29,12 @@ _PHASE_STATES = {
 
 
 class Mission:
-    """Safe to use from any thread. Every change of state is saved first, then told as a `state` event."""
+    """Safe to use from any thread. Every change of state is saved together with the event that tells it."""
 
-    def __init__(self, record: MissionRecord, store: MissionStore) -> None:
+    def __init__(self, record: MissionRecord, store: MissionStore, folder: Path) -> None:
+        """`folder` holds its files: what the process writes, its output, the last view."""
         self._store = store
+        self._folder = folder
         self._lock = threading.RLock()
         self._record = record
         self._supervisor: Supervisor | None = None
@@ -55,12 +58,10 @@ class Mission:
 
     @property
     def log(self) -> EventLog:
-        """Its events; those of a mission from an earlier time are read when they are first asked for."""
+        """Its events."""
         with self._lock:
             if self._log is None:
-                self._log = EventLog(self._store.folder(self.id) / "events.jsonl")
-                if self.state.ended:
-                    self._log.close()
+                self._log = EventLog(self._store, self.id)
             return self._log
 
     @property
@@ -79,15 +80,15 @@ class Mission:
 
     @property
     def results_dir(self) -> Path:
-        return self._store.folder(self.id) / "run"
-
-    @property
-    def _pictures_dir(self) -> Path:
-        return self._store.folder(self.id) / "last_view"
+        return self._folder / "run"
 
     @property
     def log_file(self) -> Path:
-        return self._store.folder(self.id) / "process.log"
+        return self._folder / "process.log"
+
+    @property
+    def _view_file(self) -> Path:
+        return self._folder / "last_view.npz"
 
     @property
     def view_sequence(self) -> int:
@@ -95,12 +96,20 @@ class Mission:
         view = self._view
         return view[0] if view is not None else self._record.view_sequence
 
-    def picture(self, kind: str) -> Picture | None:
-        """An image of the newest view; None when there is no view."""
+    def view(self) -> tuple[int, DisplayView] | None:
+        """The newest view and its number; of a mission that has ended, the last one, from its file."""
         view = self._view
         if view is not None:
-            return picture_of(view[1], view[0], kind)
-        return load_picture(self._pictures_dir, self._record.view_sequence, kind)
+            return view
+        if self._record.view_sequence == 0:
+            return None
+        stored = load_view(self._view_file)
+        return (self._record.view_sequence, stored) if stored is not None else None
+
+    def picture(self, kind: str) -> Picture | None:
+        """An image of the newest view; None when there is no view."""
+        view = self.view()
+        return picture_of(view[1], view[0], kind) if view is not None else None
 
     @property
     def silent_s(self) -> float | None:
@@ -108,17 +117,25 @@ class Mission:
         heard = self._heard_at
         return time.monotonic() - heard if heard is not None and self.state.active else None
 
-    def begin(self, launch: Callable[[Mission], Supervisor]) -> None:
-        """Go from created to starting and launch the process. Raises `Conflict` in another state."""
+    def enqueue(self, reason: str) -> None:
+        """Go from created to queued. Raises `Conflict` in another state."""
         with self._lock:
             self._require("start")
+            self._change(MissionState.QUEUED, reason, queued_at=time.time())
+
+    def begin(self, launch: Callable[[Mission], Supervisor]) -> None:
+        """Go from created or queued to starting and launch the process. Raises `Conflict` otherwise."""
+        with self._lock:
+            if self.state is not MissionState.QUEUED:
+                self._require("start")
             self._change(MissionState.STARTING, "the mission process is starting", started_at=time.time())
             self._heard_at = time.monotonic()
             try:
                 self._supervisor = launch(self)
             except Exception as error:
-                self._end(MissionState.FAILED, f"the mission process could not be started: {error}")
-                raise
+                reason = f"the mission process could not be started: {error}"
+                self._end(MissionState.FAILED, reason)
+                raise Unavailable(reason) from error
             self._supervisor.listen()
 
     def pause(self) -> None:
@@ -129,10 +146,13 @@ class Mission:
 
     def stop(self, reason: str = "stopped by the operator") -> None:
         """Stop, in any state; a mission that has ended or is stopping stays as it is."""
+        supervisor = self._supervisor
+        if supervisor is not None and self.state.active:
+            supervisor.stop()  # before the lock, which may be held by an event that is being saved
         with self._lock:
             if self.state.ended:
                 return
-            if self.state is MissionState.CREATED:
+            if not self.state.active:
                 self._end(MissionState.ABORTED, f"{reason} before it started")
                 return
             if self._supervisor is not None:
@@ -185,6 +205,7 @@ class Mission:
     def abandon(self, reason: str) -> None:
         """Mark a mission failed that no process belongs to any more."""
         with self._lock:
+            self._stop_reason = "interrupted"
             self._end(MissionState.FAILED, reason)
 
     def _command(self, command: str) -> None:
@@ -216,29 +237,29 @@ class Mission:
     def _change(self, state: MissionState, reason: str, **changes: Any) -> None:
         if state not in TRANSITIONS[self.state]:
             raise Conflict(f"mission {self.id} cannot go from {self.state} to {state}")
-        self._record = self._record.model_copy(update={"state": state, "reason": reason, **changes})
-        self._store.save(self._record)
-        self.log.append({"received_at": time.time(), "kind": "state", "state": str(state), "reason": reason})
+        record = self._record.model_copy(update={"state": state, "reason": reason, **changes})
+        told = {"received_at": time.time(), "kind": "state", "state": str(state), "reason": reason}
+        self.log.append(told, record)
+        self._record = record
         log.info("mission %s is %s: %s", self.id, state, reason)
 
     def _end(self, state: MissionState, reason: str) -> None:
-        sequence = self._keep_pictures()
+        sequence = self._keep_view()
         self._change(
             state, reason, ended_at=time.time(), stop_reason=self._stop_reason, view_sequence=sequence
         )
-        self.log.close()
+        self._view = None
 
-    def _keep_pictures(self) -> int:
-        """Write the last view's images down and let the view go: missions may be many."""
+    def _keep_view(self) -> int:
+        """Write the last view down: missions may be many. Its number, or 0 when there is none."""
         if self._view is None:
             return 0
         sequence, view = self._view
         try:
-            save_pictures(view, sequence, self._pictures_dir)
+            save_view(view, self._view_file)
         except OSError as error:  # a full disk must not keep a mission from ending
-            log.warning("mission %s: its last images could not be kept: %s", self.id, error)
+            log.warning("mission %s: its last view could not be kept: %s", self.id, error)
             return 0
-        self._view = None
         return sequence
 
 

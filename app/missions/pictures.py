@@ -1,15 +1,18 @@
-"""The images of a view as files: what a browser shows, and what stays of a mission that has ended."""
+"""The last view of a mission as a file, and the images of a view as a browser shows them."""
 
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
 from PIL import Image
 
-from app.missions.display import IMAGE_KINDS, DisplayView
+from app.missions.display import DisplayView
+from app.storage.data_dir import write_whole
 
 _PHOTOGRAPHIC: Final = frozenset({"observed", "rendered"})
 _JPEG_QUALITY: Final = 88
@@ -29,31 +32,22 @@ def picture_of(view: DisplayView, sequence: int, kind: str) -> Picture:
     image = Image.fromarray(getattr(view, kind))
     if kind in _PHOTOGRAPHIC:
         image.save(stream, "JPEG", quality=_JPEG_QUALITY)
-    else:
-        image.save(stream, "PNG", compress_level=1)
-    return Picture(sequence=sequence, content=stream.getvalue(), media_type=_media_type(kind))
+        return Picture(sequence=sequence, content=stream.getvalue(), media_type="image/jpeg")
+    image.save(stream, "PNG", compress_level=1)
+    return Picture(sequence=sequence, content=stream.getvalue(), media_type="image/png")
 
 
-def save_pictures(view: DisplayView, sequence: int, folder: Path) -> None:
-    """Write every image of `view` into `folder`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for kind in IMAGE_KINDS:
-        temporary = folder / f"{kind}.partial"
-        temporary.write_bytes(picture_of(view, sequence, kind).content)
-        temporary.replace(folder / _file_name(kind))
+def save_view(view: DisplayView, path: Path) -> None:
+    """Write `view` down, whole or not at all."""
+    meta = np.frombuffer(json.dumps(view.meta()).encode(), np.uint8)
+    contents: dict[str, Any] = {"meta": meta, **view.arrays()}
+    write_whole(path, lambda file: np.savez(file, **contents))
 
 
-def load_picture(folder: Path, sequence: int, kind: str) -> Picture | None:
-    """The saved image, or None when there is none."""
-    path = folder / _file_name(kind)
+def load_view(path: Path) -> DisplayView | None:
+    """The saved view, or None when there is none."""
     if not path.is_file():
         return None
-    return Picture(sequence=sequence, content=path.read_bytes(), media_type=_media_type(kind))
-
-
-def _media_type(kind: str) -> str:
-    return "image/jpeg" if kind in _PHOTOGRAPHIC else "image/png"
-
-
-def _file_name(kind: str) -> str:
-    return f"{kind}.jpg" if kind in _PHOTOGRAPHIC else f"{kind}.png"
+    with np.load(path, allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    return DisplayView.of(arrays, json.loads(arrays.pop("meta").tobytes()))

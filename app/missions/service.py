@@ -6,7 +6,7 @@ import logging
 import secrets
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from app.errors import Conflict, NotFound
@@ -14,95 +14,126 @@ from app.missions.child import ChildTask
 from app.missions.display import DisplayView, slot_bytes
 from app.missions.mission import Mission
 from app.missions.states import MissionState
-from app.missions.supervisor import Supervisor
+from app.missions.supervisor import Outcome, Supervisor
 from app.missions.transport import ArraySlot
 from app.settings import Settings
-from app.store import MissionRecord, MissionStore
+from app.storage.missions import MissionStore
+from app.storage.tables import MissionRecord
 from hgs_core.mission.clock import ClockKind
 
 log = logging.getLogger(__name__)
 
 DEFAULT_RUNNER = "hgs_core.mission.run:run_mission"
+NOBODY = "anyone"
+"""Who commands where no tokens are set."""
 
 ViewListener = Callable[[str, int, DisplayView], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MissionOrder:
-    """A checked wish for a mission."""
+    """A checked wish for a mission. `preset` and `scene` are as chosen, their `_source` is what runs."""
 
     scene: str
     scene_source: str
     preset: str
+    preset_source: str
     seed: int
     max_time_s: float | None
     clock: ClockKind | None = None
     overrides: dict[str, str] = field(default_factory=dict)
 
 
-class MissionService:
-    """One mission runs at a time; the others wait in `created`.
+@dataclass(frozen=True, kw_only=True)
+class Idempotency:
+    """A client's name for one creation, and the SHA-256 of what it asked for."""
 
-    `runner` is the `module:function` that the mission process calls, with the signature of
-    `hgs_core.mission.run.run_mission`.
+    key: str
+    digest: str
+
+
+class MissionService:
+    """At most `missions_at_once` missions have a process; those started beyond that are queued, in order.
+
+    Missions that have not ended are held here, the others are read from the store. `runner` is the
+    `module:function` that a mission process calls, with the signature of `hgs_core.mission.run.run_mission`.
     """
 
-    def __init__(self, settings: Settings, *, runner: str = DEFAULT_RUNNER) -> None:
+    def __init__(self, settings: Settings, store: MissionStore, *, runner: str = DEFAULT_RUNNER) -> None:
         self._settings = settings
         self._runner = runner
-        self._store = MissionStore(settings.missions_dir)
-        self._lock = threading.Lock()
-        self._missions: dict[str, Mission] = {}
+        self._store = store
+        self._lock = threading.RLock()
+        self._unfinished: dict[str, Mission] = {}
         self._view_listeners: list[ViewListener] = []
-        for record in self._store.load_all():
-            mission = Mission(record, self._store)
-            self._missions[record.id] = mission
+        self._closing = False
+
+    def begin(self) -> None:
+        """Take up what an earlier service left: what ran then has failed, what was queued is started."""
+        for record in self._store.unfinished():
+            mission = self._mission_of(record)
             if mission.state.active:
-                mission.abandon("the service ended while the mission ran")
+                mission.abandon(f"the service ended while the mission was {record.state}")
+            else:
+                self._unfinished[record.id] = mission
+        self._start_queued()
 
-    def create(self, order: MissionOrder, *, idempotency_key: str | None = None) -> tuple[Mission, bool]:
-        """A new mission in `created`, and true; for a key seen before, its mission and false.
+    def replay(self, idempotency: Idempotency) -> Mission | None:
+        """The mission that this key made before; None for a new key.
 
-        Raises `Conflict` when the key was used for another order.
+        Raises `Conflict` when the key was used for another request.
         """
+        record = self._store.find_by_key(idempotency.key)
+        if record is None:
+            return None
+        if record.request_digest != idempotency.digest:
+            raise Conflict(
+                f"Idempotency-Key {idempotency.key!r} belongs to mission {record.id}, which "
+                "differs; use a new key for a new mission"
+            )
+        return self.get(record.id)
+
+    def create(
+        self, order: MissionOrder, *, idempotency: Idempotency | None = None, created_by: str = NOBODY
+    ) -> tuple[Mission, bool]:
+        """A new mission in `created`, and true; for a key seen before, its mission and false."""
         with self._lock:
-            if idempotency_key is not None:
-                known = self._by_key(idempotency_key)
-                if known is not None:
-                    if _order_of(known.record) != order:
-                        raise Conflict(
-                            f"Idempotency-Key {idempotency_key!r} belongs to mission {known.id}, which "
-                            "differs; use a new key for a new mission"
-                        )
-                    return known, False
+            known = self.replay(idempotency) if idempotency is not None else None
+            if known is not None:
+                return known, False
             record = MissionRecord(
-                id=self._new_id(),
+                id=_new_id(),
                 scene=order.scene,
                 scene_source=order.scene_source,
                 preset=order.preset,
+                preset_source=order.preset_source,
                 seed=order.seed,
                 max_time_s=order.max_time_s,
                 clock=order.clock,
                 overrides=order.overrides,
-                idempotency_key=idempotency_key,
+                idempotency_key=idempotency.key if idempotency is not None else None,
+                request_digest=idempotency.digest if idempotency is not None else None,
+                created_by=created_by,
                 created_at=time.time(),
             )
-            self._store.save(record)
-            mission = Mission(record, self._store)
-            self._missions[record.id] = mission
+            self._store.add(record)
+            mission = self._mission_of(record)
+            self._unfinished[record.id] = mission
             return mission, True
 
     def start(self, mission_id: str) -> Mission:
-        mission = self.get(mission_id)
+        """Launch the mission, or queue it when as many run as may. Raises `Conflict` unless created."""
         with self._lock:
-            running = self._running()
-            if running is not None and running is not mission and mission.state is MissionState.CREATED:
-                raise Conflict(
-                    f"mission {running.id} ({running.record.scene}, {running.record.preset}) is "
-                    f"{running.state}, and one mission runs at a time: stop it or wait for its end",
-                    errors=[{"field": "running_mission", "value": running.id}],
-                )
-            mission.begin(self._launch)
+            mission = self.get(mission_id)
+            if self._free_slots() > 0 and not self.queued():
+                try:
+                    mission.begin(self._launch)
+                finally:
+                    self._forget_if_ended(mission)
+            else:
+                at_once = self._settings.missions_at_once
+                missions_run = "missions run" if at_once > 1 else "mission runs"
+                mission.enqueue(f"waits for a free place: {at_once} {missions_run} at a time")
         return mission
 
     def pause(self, mission_id: str) -> Mission:
@@ -116,42 +147,82 @@ class MissionService:
         return mission
 
     def stop(self, mission_id: str) -> Mission:
+        """Waits for no other command: neither the queue nor another mission's launch is in its way."""
         mission = self.get(mission_id)
         mission.stop()
+        self._forget_if_ended(mission)
         return mission
 
     def get(self, mission_id: str) -> Mission:
-        try:
-            return self._missions[mission_id]
-        except KeyError:
-            raise NotFound(f"there is no mission {mission_id!r}") from None
+        """Raises `NotFound`."""
+        mission = self._unfinished.get(mission_id)
+        if mission is not None:
+            return mission
+        record = self._store.find(mission_id)
+        if record is None:
+            raise NotFound(f"there is no mission {mission_id!r}")
+        return self._unfinished.get(mission_id) or self._mission_of(record)
 
-    def missions(self) -> list[Mission]:
-        """All missions, newest first."""
-        with self._lock:
-            return sorted(
-                self._missions.values(), key=lambda mission: mission.record.created_at, reverse=True
-            )
+    def page(
+        self,
+        limit: int,
+        *,
+        before: tuple[float, str] | None = None,
+        states: Collection[MissionState] | None = None,
+    ) -> list[Mission]:
+        """Up to `limit` missions, newest first; see `MissionStore.page`."""
+        records = self._store.page(limit, before=before, states=states)
+        return [self._unfinished.get(record.id) or self._mission_of(record) for record in records]
 
-    def running(self) -> Mission | None:
-        """The mission that has a process."""
-        with self._lock:
-            return self._running()
+    def running(self) -> list[Mission]:
+        """Missions that have a process, oldest first."""
+        active = [mission for mission in tuple(self._unfinished.values()) if mission.state.active]
+        return sorted(active, key=lambda mission: (mission.record.started_at or 0.0, mission.id))
+
+    def queued(self) -> list[Mission]:
+        """Missions that wait for a free place, in the order in which they will start."""
+        waiting = [m for m in tuple(self._unfinished.values()) if m.state is MissionState.QUEUED]
+        return sorted(waiting, key=lambda mission: (mission.record.queued_at or 0.0, mission.id))
 
     def add_view_listener(self, listener: ViewListener) -> None:
         """Call `listener(mission_id, sequence, view)` for every view, from the mission's thread; be quick."""
         self._view_listeners.append(listener)
 
     def shutdown(self) -> None:
-        """Stop the running mission: politely, then by force."""
+        """Stop the running missions: politely, then by force. Queued ones wait for the next service."""
         limits = self._settings.supervision
-        mission = self.running()
-        if mission is None:
-            return
-        mission.stop("the service shuts down")
-        if not mission.join(limits.shutdown_s):
-            mission.force("the service shut down before it had finished")
+        with self._lock:
+            self._closing = True
+        missions = self.running()
+        for mission in missions:
+            mission.stop("the service shuts down")
+        deadline = time.monotonic() + limits.shutdown_s
+        for mission in missions:
+            if not mission.join(max(0.0, deadline - time.monotonic())):
+                mission.force("the service shut down before it had finished")
+        for mission in missions:
             mission.join(2 * limits.terminate_s)
+
+    def _mission_of(self, record: MissionRecord) -> Mission:
+        return Mission(record, self._store, self._settings.missions_dir / record.id)
+
+    def _free_slots(self) -> int:
+        return self._settings.missions_at_once - len(self.running())
+
+    def _start_queued(self) -> None:
+        with self._lock:
+            while not self._closing and self._free_slots() > 0 and (waiting := self.queued()):
+                try:
+                    waiting[0].begin(self._launch)
+                except Conflict:
+                    log.info("mission %s was stopped before its turn", waiting[0].id)
+                except Exception:
+                    log.exception("mission %s could not be started", waiting[0].id)
+                self._forget_if_ended(waiting[0])
+
+    def _forget_if_ended(self, mission: Mission) -> None:
+        if mission.state.ended:
+            self._unfinished.pop(mission.id, None)
 
     def _launch(self, mission: Mission) -> Supervisor:
         record, display = mission.record, self._settings.display
@@ -159,13 +230,13 @@ class MissionService:
         task = ChildTask(
             runner=self._runner,
             scene=record.scene_source,
-            preset=record.preset,
+            preset=record.preset_source,
             seed=record.seed,
             out=str(mission.results_dir),
             max_time_s=record.max_time_s,
             clock=str(record.clock) if record.clock is not None else None,
             overrides=record.overrides,
-            threads=self._settings.mission_threads,
+            threads=self._settings.threads_per_mission,
             log_file=str(mission.log_file),
             slot_name=slot.name,
             display_interval_s=display.interval_s,
@@ -179,6 +250,11 @@ class MissionService:
             for listener in self._view_listeners:
                 listener(mission.id, sequence, view)
 
+        def on_end(outcome: Outcome) -> None:
+            mission.on_end(outcome)
+            self._forget_if_ended(mission)
+            self._start_queued()
+
         try:
             return Supervisor(
                 task,
@@ -186,34 +262,13 @@ class MissionService:
                 self._settings.supervision,
                 on_event=mission.on_event,
                 on_view=on_view,
-                on_end=mission.on_end,
+                on_end=on_end,
             )
         except Exception:
             slot.close()
             raise
 
-    def _running(self) -> Mission | None:
-        return next((mission for mission in self._missions.values() if mission.state.active), None)
 
-    def _by_key(self, key: str) -> Mission | None:
-        return next((m for m in self._missions.values() if m.record.idempotency_key == key), None)
-
-    def _new_id(self) -> str:
-        """Sorts by time, unique, hard to guess, fine in a path: `20260102-030405-1a2b3c`."""
-        stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
-        while True:
-            candidate = f"{stamp}-{secrets.token_hex(3)}"
-            if candidate not in self._missions:
-                return candidate
-
-
-def _order_of(record: MissionRecord) -> MissionOrder:
-    return MissionOrder(
-        scene=record.scene,
-        scene_source=record.scene_source,
-        preset=record.preset,
-        seed=record.seed,
-        max_time_s=record.max_time_s,
-        clock=record.clock,
-        overrides=record.overrides,
-    )
+def _new_id() -> str:
+    """Sorts by time, hard to guess, fine in a path: `20260102-030405-1a2b3c4d5e6f`."""
+    return f"{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}-{secrets.token_hex(6)}"

@@ -1,11 +1,12 @@
 """The life of a mission as the service sees it.
 
 ```text
-created -> starting -> running <-> paused
-              |           |          |
-              +-----------+----------+--> stopping -> completed | failed | aborted
+created -> (queued) -> starting -> running <-> paused
+                          |           |          |
+                          +-----------+----------+--> stopping -> completed | failed | aborted
 ```
 
+A mission is queued when it was started while as many missions ran as may run at once.
 A mission that ends by itself passes `stopping` too: that is when it evaluates and writes its folder.
 """
 
@@ -17,6 +18,7 @@ from typing import Final
 
 class MissionState(StrEnum):
     CREATED = "created"
+    QUEUED = "queued"
     STARTING = "starting"
     RUNNING = "running"
     PAUSED = "paused"
@@ -43,7 +45,8 @@ class MissionState(StrEnum):
 _ENDS = frozenset({MissionState.COMPLETED, MissionState.FAILED, MissionState.ABORTED})
 
 TRANSITIONS: Final[dict[MissionState, frozenset[MissionState]]] = {
-    MissionState.CREATED: frozenset({MissionState.STARTING, MissionState.ABORTED, MissionState.FAILED}),
+    MissionState.CREATED: frozenset({MissionState.QUEUED, MissionState.STARTING, MissionState.ABORTED}),
+    MissionState.QUEUED: frozenset({MissionState.STARTING, MissionState.ABORTED}),
     MissionState.STARTING: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _ENDS,
     MissionState.RUNNING: frozenset({MissionState.PAUSED, MissionState.STOPPING}) | _ENDS,
     MissionState.PAUSED: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _ENDS,
@@ -58,16 +61,7 @@ COMMANDS: Final[dict[str, frozenset[MissionState]]] = {
     "start": frozenset({MissionState.CREATED}),
     "pause": frozenset({MissionState.RUNNING}),
     "resume": frozenset({MissionState.PAUSED}),
-    "stop": frozenset(
-        {
-            MissionState.CREATED,
-            MissionState.STARTING,
-            MissionState.RUNNING,
-            MissionState.PAUSED,
-            MissionState.STOPPING,
-        }
-    )
-    | _ENDS,
+    "stop": frozenset(MissionState),
 }
 """In which states an operator's command makes sense; stop always does."""
 

@@ -1,6 +1,8 @@
 /** The service's REST interface, and its stream of events. */
 
 const BASE = "/api/v1";
+const SESSION = "/session";
+const LOGIN_ENDED = 4401;
 
 /** A refusal of the service: its problem document. */
 export class Problem extends Error {
@@ -20,10 +22,26 @@ async function request(path, options = {}) {
   }
   if (!response.ok) {
     const document = await response.json().catch(() => ({ title: response.statusText }));
+    if (response.status === 401 && path !== SESSION) toLogin();
     throw new Problem(document, response.status);
   }
-  return response.json();
+  return response.status === 204 ? null : response.json();
 }
+
+/** Leave for the page to log in: there is no session, or it has ended. */
+export function toLogin() {
+  location.replace("login.html");
+}
+
+const post = (content) => ({
+  method: "POST",
+  headers: { "Content-Type": "application/json" },
+  body: JSON.stringify(content),
+});
+
+export const getSession = () => request(SESSION);
+export const openSession = (token) => request(SESSION, post({ token }));
+export const closeSession = () => request(SESSION, { method: "DELETE" });
 
 const query = (values) => new URLSearchParams(values).toString();
 
@@ -46,12 +64,13 @@ export const resultUrl = (id, name) =>
 
 export const imageUrl = (id, kind) => `${BASE}/missions/${id}/images/${kind}`;
 
-export const createMission = (wish, key) =>
-  request("/missions", {
-    method: "POST",
-    headers: { "Content-Type": "application/json", "Idempotency-Key": key },
-    body: JSON.stringify(wish),
-  });
+export const sceneUrl = (id) => `/viewer/${id}/`;
+
+export const createMission = (wish, key) => {
+  const options = post(wish);
+  options.headers["Idempotency-Key"] = key;
+  return request("/missions", options);
+};
 
 /** `name` is start, pause, resume or stop. */
 export const command = (id, name) => request(`/missions/${id}/${name}`, { method: "POST" });
@@ -91,8 +110,9 @@ export class EventStream {
       if (event.sequence) this.cursor = event.sequence;
       this.onEvent(event);
     };
-    this.socket.onclose = () => {
+    this.socket.onclose = ({ code }) => {
       if (this.closed) return;
+      if (code === LOGIN_ENDED) toLogin();
       this.onConnection(false);
       this.timer = setTimeout(() => this.#open(), this.wait);
       this.wait = Math.min(this.wait * 2, 5000);

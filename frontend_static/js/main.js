@@ -2,6 +2,7 @@
 import "./elements/mission-picker.js";
 import "./elements/mission-status.js";
 import "./elements/mission-commands.js";
+import "./elements/session-badge.js";
 import "./elements/mission-form.js";
 import "./elements/figure-board.js";
 import "./elements/scene-frame.js";

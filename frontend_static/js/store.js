@@ -17,12 +17,16 @@ const COLUMNS = {
 };
 
 class Store extends EventTarget {
+  /** Who is logged in: `{login_required, name, role, expires_at}`. */
+  session = null;
   system = null;
   scenes = [];
   presets = [];
   missions = [];
-  /** The mission that the 3D scene shows. */
-  inScene = null;
+  /** Missions that have a process, and those that wait for a place, by id. */
+  running = [];
+  queued = [];
+  missionsAtOnce = 1;
   mission = null;
   figures = null;
   plan = null;
@@ -39,6 +43,12 @@ class Store extends EventTarget {
 
   /** Load the catalogue, then show the running mission, or else the newest. */
   async begin() {
+    this.session = await api.getSession();
+    if (!this.session.role) {
+      api.toLogin();
+      return;
+    }
+    this.#changed("session");
     [this.system, this.scenes, this.presets] = await Promise.all([
       api.getSystem(),
       api.listScenes(),
@@ -46,10 +56,15 @@ class Store extends EventTarget {
     ]);
     this.#changed("system", "catalogue");
     const list = await this.refreshMissions();
-    const first = list.running ?? list.missions[0]?.id;
+    const first = list.running[0] ?? list.missions[0]?.id;
     if (first) await this.show(first);
     else this.#changed("mission");
     setInterval(() => this.#poll(), 3000);
+  }
+
+  /** Whether this page may command. */
+  get operator() {
+    return this.session?.role === "operator";
   }
 
   get active() {
@@ -64,7 +79,9 @@ class Store extends EventTarget {
   async refreshMissions() {
     const list = await api.listMissions();
     this.missions = list.missions;
-    this.inScene = list.in_scene;
+    this.running = list.running;
+    this.queued = list.queued;
+    this.missionsAtOnce = list.missions_at_once;
     this.#changed("missions");
     return list;
   }

@@ -1,10 +1,15 @@
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 
 from app.main import create_app
 from app.settings import Settings, SupervisionSettings
+from app.storage.database import Database
+from app.storage.missions import MissionStore
+from tests.app.databases import fresh_database, postgres_programs, private_postgres
 from tests.app.fake_mission import runner
 
 PATIENCE_S = 90.0
@@ -13,13 +18,18 @@ PATIENCE_S = 90.0
 
 @pytest.fixture
 def service(tmp_path):
-    """Start the service around one of the fake runners: `service("run_short")`. Stopped after the test."""
+    """Start the service around one of the fake runners: `service("run_short")`. Stopped after the test.
+
+    Called again, it ends the service that runs and starts another on the same data.
+    """
     clients = []
 
     def begin(runner_name: str = "run_long", **changes) -> TestClient:
-        settings = Settings(data_dir=tmp_path / "data", viewer=False, mission_threads=1, **changes)
+        while clients:
+            clients.pop().__exit__(None, None, None)
+        given = {"data_dir": tmp_path / "data", "viewer": False, "mission_threads": 1, **changes}
         client = TestClient(
-            create_app(settings, runner=runner(runner_name)),
+            create_app(Settings(**given), runner=runner(runner_name)),
             base_url="http://127.0.0.1",
             raise_server_exceptions=False,
         )
@@ -30,6 +40,40 @@ def service(tmp_path):
     yield begin
     for client in clients:
         client.__exit__(None, None, None)
+
+
+@pytest.fixture(scope="session")
+def postgres():
+    """A PostgreSQL server of the tests' own; they are skipped where none is installed."""
+    programs = postgres_programs()
+    if programs is None:
+        pytest.skip("no PostgreSQL on this machine: install the distribution's package `postgresql`")
+    # Not below tmp_path, which only the user of the tests may enter; short, because a socket lies in it.
+    with tempfile.TemporaryDirectory(prefix="hgs-pg-") as folder:
+        Path(folder).chmod(0o755)
+        with private_postgres(programs, Path(folder) / "cluster") as url:
+            yield url
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database_url(request, tmp_path):
+    """An empty database of each kind that the service supports."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'hgs.db'}"
+    return fresh_database(request.getfixturevalue("postgres"))
+
+
+@pytest.fixture
+def database(database_url):
+    database = Database(database_url)
+    database.open()
+    yield database
+    database.close()
+
+
+@pytest.fixture
+def store(database):
+    return MissionStore(database)
 
 
 @pytest.fixture

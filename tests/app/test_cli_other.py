@@ -1,5 +1,6 @@
 """`hgs presets`, `hgs scenes`, `hgs serve`, `hgs --version`."""
 
+import socket
 from importlib.metadata import version
 from pathlib import Path
 
@@ -85,11 +86,24 @@ def test_serve_passes_its_options_on(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     from app import main
 
     calls = []
-    monkeypatch.setattr(main, "serve", lambda **options: calls.append(options))
-    result = hgs("serve", "--port", "8123", "--data-dir", str(tmp_path), "--demo")
-    assert result.exit_code == 0
-    assert calls == [{"host": "127.0.0.1", "port": 8123, "data_dir": tmp_path, "demo": True}]
+    monkeypatch.setattr(main, "serve", calls.append)
+    monkeypatch.setenv("HGS_DATA_DIR", str(tmp_path / "named"))
+    result = hgs("serve", "--port", "8123", "--demo", "--missions-at-once", "2")
+    assert result.exit_code == 0, result.stderr
     assert "http://127.0.0.1:8123" in result.stderr
+    (settings,) = calls
+    assert (settings.host, settings.port, settings.demo) == ("127.0.0.1", 8123, True)
+    assert (settings.data_dir, settings.missions_at_once) == (tmp_path / "named", 2)
+    assert hgs("serve", "--data-dir", str(tmp_path / "given")).exit_code == 0
+    assert calls[1].data_dir == tmp_path / "given"
+
+
+def test_serve_says_that_its_address_is_taken(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        result = hgs("serve", "--port", str(port), "--data-dir", str(tmp_path))
+    assert result.exit_code == 4
+    assert "in use" in result.stderr
 
 
 def test_serve_refuses_an_address_that_others_can_reach(tmp_path: Path) -> None:

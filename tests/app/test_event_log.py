@@ -1,17 +1,22 @@
-import json
-
 import pytest
 
 from app.errors import Invalid
 from app.missions import event_log
-from app.missions.event_log import LIVE_TELEMETRY, EventLog
+from app.missions.event_log import LIVE_TELEMETRY, OTHERS_KEPT, EventLog
+from app.missions.states import MissionState
+from app.storage.database import StorageError
+from tests.app.databases import mission_record
 
 
 @pytest.fixture
-def log(tmp_path):
-    log = EventLog(tmp_path / "events.jsonl")
-    yield log
-    log.close()
+def store(store):
+    store.add(mission_record("m"))
+    return store
+
+
+@pytest.fixture
+def log(store):
+    return EventLog(store, "m")
 
 
 def test_events_are_numbered_and_kept_in_order(log):
@@ -27,25 +32,28 @@ def test_events_are_numbered_and_kept_in_order(log):
 def test_a_reader_that_fell_behind_gets_every_state_and_the_newest_telemetry(log):
     for number in range(1000):
         log.append({"kind": "state" if number % 100 == 0 else "telemetry", "number": number})
-    events = log.live(0)
-    assert [e["number"] for e in events if e["kind"] == "state"] == list(range(0, 1000, 100))
-    telemetry = [e["number"] for e in events if e["kind"] == "telemetry"]
-    assert telemetry == list(range(1000 - LIVE_TELEMETRY, 1000))
-    assert [e["sequence"] for e in events] == sorted(e["sequence"] for e in events)
+    for events in (log.live(0), log.catch_up(0)):
+        assert [e["number"] for e in events if e["kind"] == "state"] == list(range(0, 1000, 100))
+        telemetry = [e["number"] for e in events if e["kind"] == "telemetry"]
+        assert telemetry == list(range(1000 - LIVE_TELEMETRY, 1000))
+        assert [e["sequence"] for e in events] == sorted(e["sequence"] for e in events)
 
 
-def test_states_pushed_out_of_memory_are_read_from_the_file(log, monkeypatch, tmp_path):
-    monkeypatch.setattr(event_log, "OTHERS_KEPT", 10)
-    small = EventLog(tmp_path / "small.jsonl")
-    small._others = type(small._others)(maxlen=10)
-    for number in range(50):
-        small.append({"kind": "state", "number": number})
-    assert [e["number"] for e in small.live(0)] == list(range(50))
-    assert [e["number"] for e in small.live(45)] == list(range(45, 50))
-    page, more = small.history(after=0, limit=50)
-    assert [e["number"] for e in page] == list(range(50))
-    assert not more
-    small.close()
+def test_memory_does_not_grow_and_what_left_it_is_read_from_the_database(log, monkeypatch):
+    monkeypatch.setattr(event_log, "STORED_PAGE", 100)
+    total = OTHERS_KEPT + 50
+    for number in range(total):
+        log.append({"kind": "state", "number": number})
+        log.append({"kind": "telemetry", "number": number})
+    assert len(log._others) == OTHERS_KEPT
+    assert len(log._telemetry) == LIVE_TELEMETRY
+    assert log.live(0) is None
+    cursor, seen = 0, []
+    while (events := log.live(cursor)) != []:
+        events = log.catch_up(cursor) if events is None else events
+        seen += [e["number"] for e in events if e["kind"] == "state"]
+        cursor = events[-1]["sequence"]
+    assert seen == list(range(total))
 
 
 def test_history_pages_through_everything_once(log):
@@ -59,23 +67,53 @@ def test_history_pages_through_everything_once(log):
     assert seen == list(range(25))
     plans, _ = log.history(kinds=["plan"], limit=100)
     assert [e["number"] for e in plans] == list(range(1, 25, 2))
+    newest, more = log.history(kinds=["plan"], limit=3, newest=True)
+    assert ([e["number"] for e in newest], more) == ([19, 21, 23], True)
     with pytest.raises(Invalid, match="limit"):
         log.history(limit=0)
 
 
-def test_a_log_goes_on_where_it_ended_even_after_a_cut_off_line(tmp_path):
-    path = tmp_path / "events.jsonl"
-    first = EventLog(path)
-    first.append({"kind": "state"})
-    first.append({"kind": "plan"})
-    first.close()
-    with path.open("a") as file:
-        file.write('{"sequence": 3, "kin')  # the service was killed here
-    second = EventLog(path)
-    assert second.last_sequence == 2
-    second.append({"kind": "notice"})
-    second.close()
-    assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == ["state", "plan", "notice"]
+def test_a_log_goes_on_where_it_ended(log, store):
+    log.append({"kind": "state"})
+    log.append({"kind": "plan"})
+    again = EventLog(store, "m")
+    assert again.last_sequence == 2
+    assert again.newest("plan")["sequence"] == 2
+    again.append({"kind": "notice"})
+    page, _ = again.history()
+    assert [e["kind"] for e in page] == ["state", "plan", "notice"]
+
+
+def test_a_database_that_cannot_be_written_holds_nothing_up_and_loses_nothing(log, store, monkeypatch):
+    """A full disk: events are told as they come, and saved once it has room again, states with them."""
+
+    def full(*_):
+        raise StorageError("database or disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(store, "save", full)
+        log.append({"kind": "state"}, mission_record("m").model_copy(update={"state": MissionState.RUNNING}))
+        log.append({"kind": "plan"})
+        assert [e["kind"] for e in log.live(0)] == ["state", "plan"]
+    assert store.events("m", limit=10) == []
+    log.append({"kind": "notice"})
+    assert [e["sequence"] for e in store.events("m", limit=10)] == [1, 2, 3]
+    assert store.find("m").state is MissionState.RUNNING
+
+
+def test_while_nothing_can_be_saved_telemetry_gives_way_to_states(log, store, monkeypatch):
+    def full(*_):
+        raise StorageError("database or disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(store, "save", full)
+        patched.setattr(event_log, "BACKLOG", 50)
+        for number in range(500):
+            log.append({"kind": "state" if number % 25 == 0 else "telemetry", "number": number})
+        assert len(log._unsaved) <= 51
+    log.append({"kind": "notice"})
+    states = store.events("m", limit=1000, kinds=["state"])
+    assert [e["number"] for e in states] == list(range(0, 500, 25))
 
 
 def test_readers_are_woken_until_they_leave(log):
@@ -86,9 +124,3 @@ def test_readers_are_woken_until_they_leave(log):
     log.remove_waker(wake)
     log.append({"kind": "state"})
     assert woken == [1]
-
-
-def test_a_closed_log_can_be_read(log):
-    log.append({"kind": "state"})
-    log.close()
-    assert len(log.live(0)) == 1

@@ -118,23 +118,6 @@ def test_metrics_hold_every_frame_and_can_be_thinned_and_continued(service):
     }
 
 
-def test_one_mission_runs_at_a_time(service):
-    client = service("run_long")
-    first = begin(client)
-    second = create(client, seed=1)
-    refused = client.post(f"/api/v1/missions/{second}/start")
-    assert refused.status_code == 409
-    assert refused.headers["content-type"] == PROBLEM
-    assert first in refused.json()["detail"]
-    assert client.get("/api/v1/missions").json()["running"] == first
-    client.post(f"/api/v1/missions/{first}/stop")
-    wait_for(client, first, "aborted")
-    assert client.post(f"/api/v1/missions/{second}/start").status_code == 202
-    wait_for(client, second, "running")
-    client.post(f"/api/v1/missions/{second}/stop")
-    wait_for(client, second, "aborted")
-
-
 def test_commands_that_make_no_sense_are_refused_with_the_reason(service):
     client = service()
     mission = create(client)
@@ -278,11 +261,13 @@ def test_what_ran_when_the_service_died_is_marked_failed(service):
     waiting = create(client)
     store = client.app.state.service._store
     record = client.app.state.service.get(waiting).record
-    store.save(record.model_copy(update={"state": MissionState.RUNNING}))
+    store.save([], record.model_copy(update={"state": MissionState.RUNNING}), waiting)
     again = service("run_short")
     states = {m["id"]: m["state"] for m in again.get("/api/v1/missions").json()["missions"]}
     assert states == {mission: "completed", waiting: "failed"}
-    assert "service ended" in again.get(f"/api/v1/missions/{waiting}").json()["reason"]
+    found = again.get(f"/api/v1/missions/{waiting}").json()
+    assert found["reason"] == "the service ended while the mission was running"
+    assert found["stop_reason"] == "interrupted"
     assert again.get(f"/api/v1/missions/{mission}/metrics").json()["columns"]["time_s"][-1] > 0
     assert again.get(f"/api/v1/missions/{mission}/results/report.json").status_code == 200
 

@@ -9,7 +9,11 @@ import time
 import psutil
 import pytest
 
+from app.missions.service import MissionService
 from app.missions.states import COMMANDS, TRANSITIONS, MissionState, commands_allowed
+from app.settings import Settings
+from app.storage.database import Database
+from app.storage.missions import MissionStore
 from tests.app.conftest import wait_until
 from tests.app.fake_mission import runner
 
@@ -20,14 +24,20 @@ import sys, time
 from pathlib import Path
 from app.missions.service import MissionOrder, MissionService
 from app.settings import Settings, SupervisionSettings
+from app.storage.database import Database
+from app.storage.missions import MissionStore
 
 if __name__ == "__main__":
     folder, runner, orphan_s = sys.argv[1:]
     limits = SupervisionSettings(orphan_s=float(orphan_s))
-    service = MissionService(
-        Settings(data_dir=Path(folder), viewer=False, mission_threads=1, supervision=limits), runner=runner
+    settings = Settings(data_dir=Path(folder), viewer=False, mission_threads=1, supervision=limits)
+    settings.data_dir.mkdir()
+    database = Database(settings.database)
+    database.open()
+    service = MissionService(settings, MissionStore(database), runner=runner)
+    order = MissionOrder(
+        scene="house", scene_source="house", preset="quick", preset_source="quick", seed=0, max_time_s=None
     )
-    order = MissionOrder(scene="house", scene_source="house", preset="quick", seed=0, max_time_s=None)
     mission, _ = service.create(order)
     service.start(mission.id)
     while mission.state != "running":
@@ -64,6 +74,24 @@ def test_a_mission_that_lost_its_service_saves_its_results_and_ends(tmp_path, re
         assert "interrupted" in report.read()
 
 
+def test_the_next_service_says_what_became_of_a_mission_that_lost_its_service(tmp_path, repository):
+    mission, results = _kill_service_around(tmp_path, repository, "run_long", orphan_s=60.0)
+    wait_until(lambda: not mission.is_running())
+    settings = Settings(data_dir=tmp_path / "data", viewer=False)
+    database = Database(settings.database)
+    database.open()
+    again = MissionService(settings, MissionStore(database))
+    again.begin()
+    (found,) = again.page(10)
+    assert str(found.results_dir) == results
+    assert (found.state, found.record.stop_reason) == (MissionState.FAILED, "interrupted")
+    assert found.record.reason == "the service ended while the mission was running"
+    events, _ = found.log.history(limit=5000)
+    assert [e["sequence"] for e in events] == list(range(1, len(events) + 1))
+    assert [e["state"] for e in events if e["kind"] == "state"] == ["starting", "running", "failed"]
+    database.close()
+
+
 def test_a_mission_that_does_not_listen_ends_with_its_service_all_the_same(tmp_path, repository):
     mission, _ = _kill_service_around(tmp_path, repository, "run_deaf", orphan_s=0.5)
     began = time.monotonic()
@@ -84,6 +112,7 @@ def test_states_lead_to_an_end_and_ends_lead_nowhere(state):
 
 def test_toolbars_offer_what_can_be_done():
     assert commands_allowed(MissionState.CREATED) == ["start", "stop"]
+    assert commands_allowed(MissionState.QUEUED) == ["stop"]
     assert commands_allowed(MissionState.RUNNING) == ["pause", "stop"]
     assert commands_allowed(MissionState.PAUSED) == ["resume", "stop"]
     assert commands_allowed(MissionState.STOPPING) == []

@@ -2,12 +2,15 @@ import asyncio
 import time
 from dataclasses import replace
 
+import httpx
 import msgspec
 import numpy as np
 import psutil
 import pytest
 import viser
+import websockets.asyncio.server
 from viser import _messages
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from app.errors import Forbidden
@@ -17,6 +20,7 @@ from app.viewer.framing import CameraMode
 from app.viewer.palette import as_linear
 from app.viewer.polyline import padded_segments
 from app.viewer.scene import MissionScene
+from app.viewer.server import proof_headers
 from app.viewer.splats import TILE
 from app.viewer.subspaces import lowest_of_each_column
 
@@ -97,7 +101,8 @@ def test_nobody_can_ask_for_a_public_tunnel(scene, monkeypatch, caplog):
 
     # And as a client would send it.
     url = scene.url.replace("http", "ws")
-    with connect(url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as client:
+    protocols = [f"viser-v{viser.__version__}"]
+    with connect(url, subprotocols=protocols, additional_headers=proof_headers(), max_size=None) as client:
         client.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
         deadline = time.monotonic() + 20
         while len(caplog.records) < 2 and time.monotonic() < deadline:
@@ -108,6 +113,23 @@ def test_nobody_can_ask_for_a_public_tunnel(scene, monkeypatch, caplog):
     assert reached == []
     assert opened == []
     assert server._share_tunnel is None
+
+
+@pytest.mark.parametrize(
+    "headers", [{}, {"X-HGS-Proof": ""}, {"X-HGS-Proof": "guess"}, {"Origin": "http://127.0.0.1"}]
+)
+def test_nobody_reaches_it_but_the_service(scene, headers):
+    """Any page in the operator's browser, and any other user of this machine, can open the port."""
+    url = scene.url.replace("http", "ws")
+    with pytest.raises(InvalidStatus) as refusal, connect(url, additional_headers=headers):
+        pass
+    assert refusal.value.response.status_code == 403
+    assert httpx.get(scene.url, headers=headers).status_code == 403
+    assert scene.server.get_clients() == {}
+
+
+def test_what_keeps_strangers_out_leaves_the_websocket_library_as_it_was(scene):
+    assert websockets.asyncio.server.serve.__module__ == "websockets.asyncio.server"
 
 
 def test_splats_keep_their_buffers_whatever_the_map_does(scene):

@@ -1,17 +1,13 @@
 import shutil
-import socket
-import threading
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import ExitStack
 
 import pytest
-import uvicorn
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from app.main import create_app
-from app.missions.service import DEFAULT_RUNNER, MissionService
+from app.missions.service import DEFAULT_RUNNER
 from app.settings import DisplaySettings, Settings
+from tests.app.live_service import LiveService, serving
 
 FLAGS = (
     "--headless",
@@ -28,12 +24,6 @@ FLAGS = (
 PATIENCE_MS = 120_000
 """WebGL runs in software here, beside a mission."""
 MAX_SPLATS = 10_000
-
-
-@dataclass(frozen=True, kw_only=True)
-class LiveService:
-    url: str
-    missions: MissionService
 
 
 @pytest.fixture(scope="session")
@@ -61,7 +51,7 @@ def open_page(chromium):
         contexts.append(context)
         page = context.new_page()
         page.goto(url)
-        page.wait_for_selector("#preset option", state="attached")
+        page.wait_for_selector("#preset option, #login", state="attached")
         return page
 
     yield open_at
@@ -72,29 +62,15 @@ def open_page(chromium):
 @pytest.fixture
 def live(tmp_path):
     """Serve on a free port, as `hgs serve` does: `live(runner=...)`. Stopped after the test."""
-    running = []
+    with ExitStack() as running:
 
-    def begin(runner: str = DEFAULT_RUNNER) -> LiveService:
-        listener = socket.create_server(("127.0.0.1", 0))
-        port = listener.getsockname()[1]
-        settings = Settings(
-            data_dir=tmp_path / "data",
-            port=port,
-            mission_threads=1,
-            display=DisplaySettings(max_splats=MAX_SPLATS),
-        )
-        app = create_app(settings, runner=runner)
-        server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=5))
-        thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
-        thread.start()
-        while not server.started:
-            assert thread.is_alive(), "the service did not start"
-            time.sleep(0.05)
-        running.append((server, thread))
-        return LiveService(url=f"http://127.0.0.1:{port}/", missions=app.state.service)
+        def begin(runner: str = DEFAULT_RUNNER, **changes) -> LiveService:
+            settings = Settings(
+                data_dir=tmp_path / "data",
+                mission_threads=1,
+                display=DisplaySettings(max_splats=MAX_SPLATS),
+                **changes,
+            )
+            return running.enter_context(serving(settings, runner=runner))
 
-    yield begin
-    for server, thread in running:
-        server.should_exit = True
-        thread.join(60)
-        assert not thread.is_alive(), "the service did not stop"
+        yield begin

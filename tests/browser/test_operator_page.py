@@ -137,7 +137,7 @@ def test_a_reloaded_page_finds_the_running_mission_again(live, open_page):
     page.reload()
     wait_for_state(page, "running")
     wait_for_number(page, "frames", 3)
-    assert page.locator("#mission-picker").input_value() == service.missions.running().id
+    assert page.locator("#mission-picker").input_value() == service.missions.running()[0].id
     page.click("#tab-events")
     expect(page.locator("event-list li[data-kind=state]").first).to_contain_text("running")
 

@@ -17,7 +17,7 @@ class MissionCommands extends HTMLElement {
     this.stop.addEventListener("click", () => this.#send("stop"));
     this.onKey = (event) => this.#key(event);
     document.addEventListener("keydown", this.onKey);
-    this.unwatch = watch(["mission"], () => this.#draw());
+    this.unwatch = watch(["mission", "session"], () => this.#draw());
   }
 
   disconnectedCallback() {
@@ -28,12 +28,15 @@ class MissionCommands extends HTMLElement {
   #draw() {
     const state = store.mission?.state;
     const commands = store.mission?.commands ?? [];
+    const allowed = store.operator;
     this.start.hidden = state !== "created";
+    this.start.disabled = !allowed;
     const paused = state === "paused";
     this.toggle.textContent = paused ? "Resume" : "Pause";
-    this.toggle.disabled = !(state === "running" || paused);
+    this.toggle.disabled = !allowed || !(state === "running" || paused);
     // STOP passes whatever this page believes about the state: only an ended mission cannot be stopped.
-    this.stop.disabled = !store.active && !commands.includes("stop");
+    this.stop.disabled = !allowed || (!store.active && !commands.includes("stop"));
+    this.stop.title = allowed ? "Shift+S" : "Viewers watch; stopping needs an operator";
     this.stop.lastElementChild.textContent = state === "stopping" ? "STOPPING" : "STOP";
   }
 

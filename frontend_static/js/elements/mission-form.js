@@ -61,7 +61,7 @@ class MissionForm extends HTMLElement {
     this.key = crypto.randomUUID();
     this.append(form);
     this.unwatch = watch(["catalogue"], () => this.#fill());
-    this.unwatchState = watch(["missions", "mission"], () => this.#drawButton());
+    this.unwatchState = watch(["missions", "mission", "session"], () => this.#drawButton());
   }
 
   disconnectedCallback() {
@@ -95,12 +95,14 @@ class MissionForm extends HTMLElement {
   }
 
   #drawButton() {
-    const running = store.missions.find(({ state }) =>
-      ["starting", "running", "paused", "stopping"].includes(state),
-    );
-    this.submit.disabled = Boolean(this.launching || running);
-    this.submit.textContent = running ? `Mission is ${running.state}` : "Start mission";
-    this.submit.title = running ? "One mission runs at a time: stop it or wait for its end" : "";
+    const full = store.running.length >= store.missionsAtOnce || store.queued.length > 0;
+    this.submit.disabled = Boolean(this.launching || !store.operator);
+    this.submit.textContent = full ? "Queue mission" : "Start mission";
+    this.submit.title = store.operator
+      ? full
+        ? `Starts when a place is free; ${store.queued.length} ahead of it`
+        : ""
+      : "Viewers watch; starting needs an operator";
   }
 
   async #launch() {

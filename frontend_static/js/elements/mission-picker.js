@@ -18,7 +18,9 @@ class MissionPicker extends HTMLElement {
     const entries = store.missions.map((mission) => {
       const began = new Date((mission.started_at ?? mission.created_at) * 1000);
       const time = began.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", hour12: false });
-      const text = `${time} ${mission.scene} · ${mission.preset} · seed ${mission.seed}`;
+      const waits = store.queued.indexOf(mission.id) + 1;
+      const note = waits ? `queued ${waits}: ` : store.running.includes(mission.id) ? "▶ " : "";
+      const text = `${note}${time} ${mission.scene} · ${mission.preset} · seed ${mission.seed}`;
       return { id: mission.id, text };
     });
     const signature = JSON.stringify(entries);

@@ -4,6 +4,7 @@ import { store, watch } from "../store.js";
 
 const GLYPHS = {
   created: "○",
+  queued: "⋯",
   starting: "◔",
   running: "▶",
   paused: "❚❚",
@@ -23,7 +24,7 @@ class MissionStatus extends HTMLElement {
     this.reason = element("span", { class: "reason", id: "mission-reason" });
     this.badge = element("span", { class: "badge", role: "alert", id: "stale-badge", hidden: true });
     this.append(this.pill, this.reason, this.badge);
-    this.unwatch = watch(["mission", "plan", "connection"], () => this.#draw());
+    this.unwatch = watch(["mission", "missions", "plan", "connection"], () => this.#draw());
     this.timer = setInterval(() => this.#drawBadge(), 1000);
   }
 
@@ -47,6 +48,10 @@ class MissionStatus extends HTMLElement {
 
   #reason(state) {
     if (!store.mission) return "Choose a scene and a preset on the left, then start.";
+    if (state === "queued") {
+      const place = store.queued.indexOf(store.mission.id) + 1;
+      return place ? `Number ${place} in the queue: ${store.mission.reason}` : store.mission.reason;
+    }
     if (state === "running" && store.plan) return store.plan.reason;
     return store.mission.reason;
   }

@@ -1,4 +1,5 @@
 /** The 3D scene, served by the viewer. */
+import { sceneUrl } from "../api.js";
 import { element, setText } from "../format.js";
 import { store, watch } from "../store.js";
 
@@ -6,8 +7,8 @@ class SceneFrame extends HTMLElement {
   connectedCallback() {
     this.note = element("div", { class: "note", id: "scene-note" });
     this.append(this.note);
-    this.unwatch = watch(["system"], () => this.#load());
-    this.unwatchNote = watch(["system", "missions", "mission", "figures"], () => this.#drawNote());
+    this.unwatch = watch(["system", "mission", "figures"], () => this.#load());
+    this.unwatchNote = watch(["system", "mission", "figures"], () => this.#drawNote());
   }
 
   disconnectedCallback() {
@@ -16,10 +17,19 @@ class SceneFrame extends HTMLElement {
   }
 
   #load() {
-    const url = store.system?.viewer_url;
-    if (!url || this.frame) return;
-    this.frame = element("iframe", { src: url, title: "3D scene", id: "scene-view" });
+    const id = this.#shown();
+    if (id === this.loaded) return;
+    this.loaded = id;
+    this.frame?.remove();
+    if (!id) return;
+    this.frame = element("iframe", { src: sceneUrl(id), title: "3D scene", id: "scene-view" });
     this.prepend(this.frame);
+  }
+
+  /** The mission whose scene can be looked at; null when there is none yet. */
+  #shown() {
+    if (!store.system?.viewer || !store.mission) return null;
+    return store.active || store.viewSequence > 0 ? store.mission.id : null;
   }
 
   #drawNote() {
@@ -28,13 +38,13 @@ class SceneFrame extends HTMLElement {
 
   #message() {
     if (!store.system) return "";
-    if (!store.system.viewer_url) return "The 3D viewer is switched off.";
+    if (!store.system.viewer) return "The 3D viewer is switched off.";
     if (!store.mission) return "The map appears here once a mission runs.";
-    const { state, id } = store.mission;
-    if (state === "starting") return "Preparing: the map appears with the first frame.";
-    if (store.inScene && store.inScene !== id)
-      return "The 3D scene shows the mission that ran last, not this one.";
-    return "";
+    if (store.viewSequence > 0) return "";
+    if (store.active) return "Preparing: the map appears with the first frame.";
+    const { state } = store.mission;
+    if (state === "created" || state === "queued") return "The map appears here once the mission runs.";
+    return "This mission ended before it had a map.";
   }
 }
 

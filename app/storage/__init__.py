@@ -1,0 +1,1 @@
+"""What the service remembers: missions, their events, presets, logins and the audit, in one SQL database."""

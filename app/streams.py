@@ -1,0 +1,71 @@
+"""Live events for one reader, over whatever carries them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncGenerator, Callable
+from typing import Any, Final
+
+import anyio
+from starlette.concurrency import run_in_threadpool
+
+from app.missions.mission import Mission
+
+QUIET_S: Final = 5.0
+"""A quiet stream says `alive` so often, so that a page can tell silence from a lost connection."""
+
+
+class Streams:
+    """Every open stream, so that all of them end when the service does."""
+
+    def __init__(self) -> None:
+        self._ended = False
+        self._readers: set[asyncio.Event] = set()
+
+    @property
+    def ended(self) -> bool:
+        return self._ended
+
+    def end(self) -> None:
+        """End all streams; call it from the event loop."""
+        self._ended = True
+        for changed in self._readers:
+            changed.set()
+
+    async def follow(
+        self, mission: Mission, cursor: int, *, allowed: Callable[[], bool]
+    ) -> AsyncGenerator[dict[str, Any]]:
+        """Events after number `cursor` as they come, until the service ends or the reader may no longer.
+
+        A reader that cannot keep up misses telemetry, never a change of state: it is given what is new when
+        it asks again, and nothing is kept for it. `{"kind": "alive"}` has no sequence number.
+        """
+        loop = asyncio.get_running_loop()
+        changed = asyncio.Event()
+
+        def wake() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has closed: nobody is left to wake
+                loop.call_soon_threadsafe(changed.set)
+
+        log = await run_in_threadpool(lambda: mission.log)
+        self._readers.add(changed)
+        log.add_waker(wake)
+        try:
+            while allowed() and not self._ended:
+                changed.clear()
+                events = log.live(cursor)
+                if events is None:
+                    events = await run_in_threadpool(log.catch_up, cursor)
+                for event in events:
+                    yield event
+                    cursor = event["sequence"]
+                if events or self._ended:
+                    continue
+                with anyio.move_on_after(QUIET_S) as quiet:
+                    await changed.wait()
+                if quiet.cancelled_caught:
+                    yield {"kind": "alive", "state": str(mission.state), "silent_s": mission.silent_s}
+        finally:
+            log.remove_waker(wake)
+            self._readers.discard(changed)
