@@ -44,7 +44,9 @@ def test_every_key_of_the_report_is_documented_and_no_other(repository: Path) ->
     assert documented == keys_of(MissionReport)
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/extending.md", "docs/report.md", "docs/scenes.md"])
+@pytest.mark.parametrize(
+    "document", ["README.md", "docs/extending.md", "docs/report.md", "docs/scenes.md", "docs/service.md"]
+)
 def test_local_links_lead_somewhere(repository: Path, document: str) -> None:
     path = repository / document
     targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", path.read_text(encoding="utf-8"))
