@@ -8,6 +8,7 @@ service, so a changed table needs a stated, ordered step from the old shape to t
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +29,8 @@ log = logging.getLogger(__name__)
 
 _MIGRATIONS: Final = Path(__file__).parent / "migrations"
 _BUSY_MS: Final = 10_000
+_CLAIM_S: Final = 3.0
+"""How long to wait for the lock of a service that has just ended: its server notices a little later [s]."""
 _SERVICE_LOCK: Final = 0x68677301
 """Number of the advisory lock that one service holds on a PostgreSQL database."""
 
@@ -116,7 +119,11 @@ class Database:
         if self._is_sqlite:
             return
         self._claim = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
-        if not self._claim.execute(text(f"SELECT pg_try_advisory_lock({_SERVICE_LOCK})")).scalar():
+        deadline = time.monotonic() + _CLAIM_S
+        while not self._claim.execute(text(f"SELECT pg_try_advisory_lock({_SERVICE_LOCK})")).scalar():
+            if time.monotonic() < deadline:
+                time.sleep(0.1)
+                continue
             self.close()
             raise ConfigError(
                 f"{self.label} is in use by another hgs service: end it, or name another database"
