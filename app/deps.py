@@ -6,8 +6,8 @@ pool of threads otherwise.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from typing import Annotated
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Annotated, Any
 
 from anyio import CapacityLimiter
 from fastapi import Depends, Path, Request
@@ -29,64 +29,13 @@ from app.streams import Streams
 from app.viewer.scenes import Scenes
 
 
-async def _settings(connection: HTTPConnection) -> Settings:
-    settings: Settings = connection.app.state.settings
-    return settings
+def _state(name: str) -> Callable[[HTTPConnection], Awaitable[Any]]:
+    """What the application holds under that name."""
 
+    async def held(connection: HTTPConnection) -> Any:
+        return getattr(connection.app.state, name)
 
-async def _service(connection: HTTPConnection) -> MissionService:
-    service: MissionService = connection.app.state.service
-    return service
-
-
-async def _catalogue(connection: HTTPConnection) -> Catalogue:
-    catalogue: Catalogue = connection.app.state.catalogue
-    return catalogue
-
-
-async def _scenes(connection: HTTPConnection) -> Scenes | None:
-    scenes: Scenes | None = connection.app.state.scenes
-    return scenes
-
-
-async def _database(connection: HTTPConnection) -> Database:
-    database: Database = connection.app.state.database
-    return database
-
-
-async def _audit(connection: HTTPConnection) -> AuditStore:
-    audit: AuditStore = connection.app.state.audit
-    return audit
-
-
-async def _tokens(connection: HTTPConnection) -> TokenBook:
-    tokens: TokenBook = connection.app.state.tokens
-    return tokens
-
-
-async def _sessions(connection: HTTPConnection) -> SessionBook:
-    sessions: SessionBook = connection.app.state.sessions
-    return sessions
-
-
-async def _rules(connection: HTTPConnection) -> AccessRules:
-    rules: AccessRules = connection.app.state.rules
-    return rules
-
-
-async def _rates(connection: HTTPConnection) -> Rates:
-    rates: Rates = connection.app.state.rates
-    return rates
-
-
-async def _streams(connection: HTTPConnection) -> Streams:
-    streams: Streams = connection.app.state.streams
-    return streams
-
-
-async def _stop_threads(connection: HTTPConnection) -> CapacityLimiter:
-    threads: CapacityLimiter = connection.app.state.stop_threads
-    return threads
+    return held
 
 
 async def _principal(connection: HTTPConnection) -> Principal:
@@ -97,18 +46,18 @@ async def _principal(connection: HTTPConnection) -> Principal:
     return principal
 
 
-SettingsDep = Annotated[Settings, Depends(_settings)]
-ServiceDep = Annotated[MissionService, Depends(_service)]
-CatalogueDep = Annotated[Catalogue, Depends(_catalogue)]
-ScenesDep = Annotated[Scenes | None, Depends(_scenes)]
-DatabaseDep = Annotated[Database, Depends(_database)]
-AuditDep = Annotated[AuditStore, Depends(_audit)]
-TokensDep = Annotated[TokenBook, Depends(_tokens)]
-SessionsDep = Annotated[SessionBook, Depends(_sessions)]
-RulesDep = Annotated[AccessRules, Depends(_rules)]
-RatesDep = Annotated[Rates, Depends(_rates)]
-StreamsDep = Annotated[Streams, Depends(_streams)]
-StopThreadsDep = Annotated[CapacityLimiter, Depends(_stop_threads)]
+SettingsDep = Annotated[Settings, Depends(_state("settings"))]
+ServiceDep = Annotated[MissionService, Depends(_state("service"))]
+CatalogueDep = Annotated[Catalogue, Depends(_state("catalogue"))]
+ScenesDep = Annotated[Scenes | None, Depends(_state("scenes"))]
+DatabaseDep = Annotated[Database, Depends(_state("database"))]
+AuditDep = Annotated[AuditStore, Depends(_state("audit"))]
+TokensDep = Annotated[TokenBook, Depends(_state("tokens"))]
+SessionsDep = Annotated[SessionBook, Depends(_state("sessions"))]
+RulesDep = Annotated[AccessRules, Depends(_state("rules"))]
+RatesDep = Annotated[Rates, Depends(_state("rates"))]
+StreamsDep = Annotated[Streams, Depends(_state("streams"))]
+StopThreadsDep = Annotated[CapacityLimiter, Depends(_state("stop_threads"))]
 PrincipalDep = Annotated[Principal, Depends(_principal)]
 MissionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9-]{1,64}$", examples=["20260102-030405-1a2b3c4d5e6f"])]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
 
 from anyio import CapacityLimiter
@@ -44,18 +44,19 @@ def create_app(settings: Settings, *, runner: str = DEFAULT_RUNNER) -> FastAPI:
     Raises `ConfigError` for settings that would leave it open, and when its data are in use or unusable.
     """
     tokens = tokens_of(settings)
-    lock = DataDirLock(settings.data_dir)
-    database = Database(settings.database)
-    try:
+    with ExitStack() as held:
+        lock = DataDirLock(settings.data_dir)
+        held.callback(lock.release)
+        database = Database(settings.database)
         database.open()
+        held.callback(database.close)
         sessions = SessionBook(tokens, LoginStore(database), lifetime_s=settings.access.session_s)
-    except BaseException:
-        lock.release()
-        raise
-    service = MissionService(settings, MissionStore(database), runner=runner)
-    catalogue = Catalogue(settings.scenes_dir, PresetStore(database))
-    rules, rates, audit = AccessRules(tokens, sessions), Rates(settings.limits), AuditStore(database)
-    scenes_3d = Scenes(settings.display) if settings.viewer else None
+        service = MissionService(settings, MissionStore(database), runner=runner)
+        catalogue = Catalogue(settings.scenes_dir, PresetStore(database))
+        rules, rates, audit = AccessRules(tokens, sessions), Rates(settings.limits), AuditStore(database)
+        scenes_3d = Scenes(settings.display) if settings.viewer else None
+        # What fails above lets go of it all; from here on the end of the application does.
+        release = held.pop_all()
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -68,8 +69,7 @@ def create_app(settings: Settings, *, runner: str = DEFAULT_RUNNER) -> FastAPI:
         await run_in_threadpool(service.shutdown)
         if scenes_3d is not None:
             await run_in_threadpool(scenes_3d.close)
-        database.close()
-        lock.release()
+        release.close()
 
     app = FastAPI(title="hgs", version=version("hgs"), lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.settings = settings

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
-from app.errors import Conflict, NotFound
+from app.errors import Conflict, NotFound, Unavailable
 from app.missions.child import ChildTask
 from app.missions.display import DisplayView, slot_bytes
 from app.missions.mission import Mission
@@ -134,6 +134,7 @@ class MissionService:
                 at_once = self._settings.missions_at_once
                 missions_run = "missions run" if at_once > 1 else "mission runs"
                 mission.enqueue(f"waits for a free place: {at_once} {missions_run} at a time")
+                self._start_queued()  # there may be a free place if one before could not be started
         return mission
 
     def pause(self, mission_id: str) -> Mission:
@@ -216,8 +217,12 @@ class MissionService:
                     waiting[0].begin(self._launch)
                 except Conflict:
                     log.info("mission %s was stopped before its turn", waiting[0].id)
+                except Unavailable as error:
+                    log.error("mission %s: %s", waiting[0].id, error)  # it has ended as failed
                 except Exception:
+                    # Still queued, so nobody else's turn comes: the next that ends or comes tries again.
                     log.exception("mission %s could not be started", waiting[0].id)
+                    return
                 self._forget_if_ended(waiting[0])
 
     def _forget_if_ended(self, mission: Mission) -> None:

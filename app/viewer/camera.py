@@ -52,10 +52,6 @@ class CameraLayer:
         self._posed = True
         self._apply()
 
-    def clear(self) -> None:
-        self._posed = False
-        self._apply()
-
     def set_visible(self, visible: bool) -> None:
         self._visible = visible
         self._apply()

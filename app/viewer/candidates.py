@@ -47,10 +47,6 @@ class CandidateLayer:
     def update(self, view: DisplayView) -> None:
         self._show(view.candidate_poses, view.candidate_gains[:, 2], view.candidate_statuses)
 
-    def clear(self) -> None:
-        nothing = np.zeros((0, 4), np.float32)
-        self._show(nothing, nothing[:, 0], nothing[:, 0].astype(np.uint8))
-
     def set_visible(self, visible: bool) -> None:
         self._node.visible = visible
 

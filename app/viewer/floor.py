@@ -29,8 +29,5 @@ class FloorLayer:
     def update(self, view: DisplayView) -> None:
         """The floor stays where it is."""
 
-    def clear(self) -> None:
-        """The floor stays where it is."""
-
     def set_visible(self, visible: bool) -> None:
         self._grid.visible = visible

@@ -54,10 +54,6 @@ class Framing:
         if mode is CameraMode.WHOLE_MAP:
             self._place_all()
 
-    def restart(self) -> None:
-        """A new mission: nothing is known of its map."""
-        self._centre_m, self._radius_m, self._robot_m = np.zeros(3), _RADIUS_AT_START_M, None
-
     def update(self, view: DisplayView) -> None:
         robot = view.robot_m.astype(np.float64)
         grown = self._measure(view)

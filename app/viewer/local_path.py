@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import viser
 
 from app.missions.display import DisplayView
@@ -21,9 +20,6 @@ class LocalPathLayer:
         on_floor = view.local_path_m.copy()
         on_floor[:, 2] = 0.12
         self._line.set_points(on_floor)
-
-    def clear(self) -> None:
-        self._line.set_points(np.zeros((0, 3)))
 
     def set_visible(self, visible: bool) -> None:
         self._line.set_visible(visible)

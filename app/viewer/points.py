@@ -57,10 +57,6 @@ class PointLayer:
                     )
                 )
 
-    def clear(self) -> None:
-        for tile in self._tiles:
-            tile.points = np.full((TILE, 3), _FAR_BELOW, np.float32)
-
     def set_visible(self, visible: bool) -> None:
         self._visible = visible
         for tile in self._tiles:

@@ -1,4 +1,4 @@
-"""`MissionScene`: the 3D scene of the mission under way, and its controls."""
+"""`MissionScene`: the 3D scene of one mission, and its controls."""
 
 from __future__ import annotations
 
@@ -51,11 +51,10 @@ class MissionScene:
             FloorLayer(self._server),
         ]
         self._drawing = threading.Lock()
-        self._mission: str | None = None
         self._shown: DisplayView | None = None
         self._framing = Framing(self._server)
         self._build_controls()
-        self._waiting: tuple[str, int, DisplayView] | None = None
+        self._waiting: DisplayView | None = None
         self._arrived = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
@@ -66,18 +65,13 @@ class MissionScene:
         return f"http://{LOOPBACK}:{self._server.get_port()}"
 
     @property
-    def mission_id(self) -> str | None:
-        """The mission that is shown."""
-        return self._mission
-
-    @property
     def server(self) -> viser.ViserServer:
         return self._server
 
-    def show(self, mission_id: str, sequence: int, view: DisplayView) -> None:
+    def show(self, view: DisplayView) -> None:
         """Show `view` soon; returns at once. A view that is overtaken by a newer one is never drawn."""
         with self._arrived:
-            self._waiting = (mission_id, sequence, view)
+            self._waiting = view
             self._arrived.notify()
 
     def close(self) -> None:
@@ -94,21 +88,24 @@ class MissionScene:
                 if self._closing:
                     return
                 assert self._waiting is not None
-                mission_id, _, view = self._waiting
-                self._waiting = None
+                view, self._waiting = self._waiting, None
             try:
-                self._draw(mission_id, view)
-            except Exception:
+                self._draw(view)
+            except Exception as error:
                 log.exception("the 3D scene could not be updated")
+                self._tell_trouble(f"not up to date since {view.time_s:.0f} s of the mission: {error}")
+            else:
+                self._tell_trouble("")
             time.sleep(self._display.interval_s)  # a browser takes no more than about one update a second
 
-    def _draw(self, mission_id: str, view: DisplayView) -> None:
+    def _tell_trouble(self, trouble: str) -> None:
+        """At the top of the controls, and gone when there is none."""
+        if self._trouble.content != trouble:
+            self._trouble.content = trouble
+            self._trouble.visible = bool(trouble)
+
+    def _draw(self, view: DisplayView) -> None:
         with self._drawing, self._server.atomic():
-            if mission_id != self._mission:
-                for layer in self._layers:
-                    layer.clear()
-                self._mission = mission_id
-                self._framing.restart()
             for layer in self._layers:
                 layer.update(view)
             self._framing.update(view)
@@ -117,6 +114,7 @@ class MissionScene:
     def _build_controls(self) -> None:
         gui = self._server.gui
         gui.main_panel.minimize()
+        self._trouble = gui.add_markdown("", visible=False)
         with gui.add_folder("Layers"):
             for layer in self._layers:
                 self._add_switch(layer)

@@ -31,7 +31,7 @@ class Scenes:
         """Draw `view` soon if somebody looks; returns at once."""
         scene = self._open.get(mission_id)
         if scene is not None:
-            scene.show(mission_id, sequence, view)
+            scene.show(view)
 
     @contextmanager
     def looking_at(self, mission: Mission) -> Iterator[MissionScene]:
@@ -59,7 +59,7 @@ class Scenes:
                 self._lookers[mission.id] = 0
                 newest = mission.view()
                 if newest is not None:
-                    scene.show(mission.id, *newest)
+                    scene.show(newest[1])
             self._open.move_to_end(mission.id)
             self._lookers[mission.id] += 1
             return scene

@@ -49,13 +49,6 @@ class SplatLayer:
                 view.splat_opacities[rows],
             )
 
-    def clear(self) -> None:
-        empty = np.zeros((0, 3), np.float32)
-        for tile in range(len(self._tiles)):
-            self._fill(
-                tile, empty, empty.astype(np.uint8), empty[:, 0], empty[:, :0], empty[:, 0].astype(np.uint8)
-            )
-
     def set_visible(self, visible: bool) -> None:
         self._visible = visible
         for tile in self._tiles:

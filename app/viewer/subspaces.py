@@ -55,9 +55,6 @@ class SubspaceLayer:
     def update(self, view: DisplayView) -> None:
         self._show(view.subspace_bounds_m, view.subspace_states)
 
-    def clear(self) -> None:
-        self._show(np.zeros((0, 6), np.float32), np.zeros(0, np.uint8))
-
     def set_visible(self, visible: bool) -> None:
         self._lines.visible = visible
         self._tiles.visible = visible

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,6 +98,25 @@ class PlanningCycle:
         """Places (flat cells) inside the horizon."""
         cells = self.grid.cells_between(self.is_place, self.horizon.lower_m[:2], self.horizon.upper_m[:2])
         return cells[self.in_horizon(self.grid.centres_m(cells))]
+
+    def places_apart(self, wanted_m: Iterable[Float[ndarray, " 2"]], apart_m: float) -> Int[ndarray, " n"]:
+        """The places (flat cells) inside the horizon at wanted points, earlier ones first.
+
+        What is nearer than `apart_m` to the robot or to one before it is left out.
+        """
+        kept: list[int] = []
+        for point in wanted_m:
+            cell = self.place_near(point, self.grid.size_m)
+            if cell is None or not self.in_horizon(point[None])[0]:
+                continue
+            away = self.taken_m(np.array(kept, np.int64)) - self.grid.centres_m(np.array([cell]))
+            if np.min(np.linalg.norm(away, axis=1)) >= apart_m:
+                kept.append(cell)
+        return np.array(kept, dtype=np.int64)
+
+    def taken_m(self, cells: Int[ndarray, " n"]) -> Float[ndarray, "m 2"]:
+        """The robot's position and the cells' centres: what further samples keep away from."""
+        return np.concatenate([self.robot_xy_m[None], self.grid.centres_m(cells)])
 
     def is_roomy(self, cells: Int[ndarray, " n"]) -> Bool[ndarray, " n"]:
         """Which cells have the preferred clearance."""

@@ -109,29 +109,16 @@ class GainFirst:
         """Views inside the horizon: from the robot's place, from those that were wanted before or suggested
         by subspaces, and from places between them all."""
         spacing_m = self._config.sample_spacing_m
-        kept: list[int] = []
-        for place in [*self._wanted_m, *(view.xy_m for view in suggested)]:
-            cell = cycle.place_near(place, cycle.grid.size_m)
-            if cell is None or not cycle.in_horizon(place[None])[0]:
-                continue
-            taken = self._taken_m(cycle, kept)
-            if np.min(np.linalg.norm(taken - cycle.grid.centres_m(np.array([cell])), axis=1)) >= spacing_m:
-                kept.append(cell)
+        kept = cycle.places_apart([*self._wanted_m, *(view.xy_m for view in suggested)], spacing_m)
         places = cycle.places_in_horizon()
         room_m = cycle.grid.radius_m + cycle.grid.margin_m - 1e-6
         places = places[cycle.grid.clearance_m.ravel()[places] >= room_m]
-        between = poisson_disk(
-            cycle.grid.centres_m(places), spacing_m, rng, taken_m=self._taken_m(cycle, kept)
-        )
-        cells = np.concatenate([np.array(kept, dtype=np.int64), places[between]])
+        between = poisson_disk(cycle.grid.centres_m(places), spacing_m, rng, taken_m=cycle.taken_m(kept))
+        cells = np.concatenate([kept, places[between]])
         thinned = poisson_disk(cycle.grid.centres_m(cells), self._config.quality_spacing_m, rng)
         full = np.isin(np.arange(len(cells)), thinned)
         views = [*cycle.score(cells[full]), *cycle.score(cells[~full], coverage_only=True)]
         return [*cycle.score_here(), *views]
-
-    @staticmethod
-    def _taken_m(cycle: PlanningCycle, cells: list[int]) -> Float[ndarray, "n 2"]:
-        return np.concatenate([cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(cells, np.int64))])
 
     def _ordered(self, cycle: PlanningCycle, views: list[View]) -> list[View]:
         """The first few in the order that gains most early."""

@@ -104,28 +104,17 @@ class LocalPlanner:
         suggested: list[View],
     ) -> Int[ndarray, " n"]:
         """Carried, suggested and sampled places as cells."""
-        kept: list[int] = []
         wanted = [*carried_m, *(view.xy_m for view in suggested)]
-        for place in wanted:
-            cell = cycle.place_near(place, cycle.grid.size_m)
-            if cell is None or not cycle.in_horizon(place[None])[0]:
-                continue
-            centre = cycle.grid.centres_m(np.array([cell]))
-            others = np.concatenate(
-                [cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(kept, dtype=np.int64))]
-            )
-            if np.min(np.linalg.norm(others - centre, axis=1)) >= self.config.dense_spacing_m:
-                kept.append(cell)
+        kept = cycle.places_apart(wanted, self.config.dense_spacing_m)
         places = cycle.places_in_horizon()
-        taken = np.concatenate([cycle.robot_xy_m[None], cycle.grid.centres_m(np.array(kept, dtype=np.int64))])
         sampled = poisson_disk(
             cycle.grid.centres_m(places),
             self.config.sample_spacing_m,
             rng,
             preferred=cycle.is_roomy(places),
-            taken_m=taken,
+            taken_m=cycle.taken_m(kept),
         )
-        return np.concatenate([np.array(kept, dtype=np.int64), places[sampled]])
+        return np.concatenate([kept, places[sampled]])
 
     def _sample_densely(self, cycle: PlanningCycle, rng: np.random.Generator) -> list[View]:
         inside = cycle.in_horizon(cycle.missing.xy_m)

@@ -1,5 +1,6 @@
 """Several missions: a stated number at once, the others in a queue that outlives the service."""
 
+from app.missions.mission import Mission
 from tests.app.conftest import begin, create, wait_for, wait_until
 
 
@@ -156,3 +157,27 @@ def test_stop_is_safe_to_repeat_in_every_state(service):
     told = client.get(f"/api/v1/missions/{running}/events", params={"kind": "state"}).json()["events"]
     assert [e["state"] for e in told].count("stopping") == 1
     wait_until(lambda: client.app.state.service.running() == [])
+
+
+def test_one_that_cannot_be_taken_from_the_queue_stays_and_holds_nobody_up(service, monkeypatch):
+    client = service("run_long")
+    first, second, third = begin(client), create(client, seed=1), create(client, seed=2)
+    start(client, second)
+    start(client, third)
+    began = Mission.begin
+    tried = []
+
+    def full_disk(mission, launch):
+        tried.append(mission.id)
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(Mission, "begin", full_disk)
+    ended(client, first)
+    wait_until(lambda: tried)
+    assert client.get("/api/v1/missions").json()["queued"] == [second, third]
+    assert tried == [second]
+    monkeypatch.setattr(Mission, "begin", began)
+    ended(client, third)
+    start(client, create(client, seed=3))
+    wait_for(client, second, "running")
+    ended(client, second)

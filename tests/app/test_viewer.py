@@ -23,6 +23,7 @@ from app.viewer.scene import MissionScene
 from app.viewer.server import proof_headers
 from app.viewer.splats import TILE
 from app.viewer.subspaces import lowest_of_each_column
+from tests.app.conftest import wait_until
 
 
 def display(n_splats: int = 100, n_candidates: int = 3, time_s: float = 1.0) -> DisplayView:
@@ -133,23 +134,23 @@ def test_what_keeps_strangers_out_leaves_the_websocket_library_as_it_was(scene):
 
 
 def test_splats_keep_their_buffers_whatever_the_map_does(scene):
-    scene._draw("m", display(100))
+    scene._draw(display(100))
     first = node(scene, "/gaussians/0")
     assert first.buffer.shape == (TILE, 8)
     names = nodes(scene)
     for size in (1000, 50, TILE):
-        scene._draw("m", display(size))
+        scene._draw(display(size))
         assert node(scene, "/gaussians/0") is first
         assert first.buffer.shape == (TILE, 8)
     assert nodes(scene) == names
-    scene._draw("m", display(TILE + 1))
+    scene._draw(display(TILE + 1))
     assert nodes(scene) == names | {"/gaussians/1"}
     assert node(scene, "/gaussians/1").buffer.shape == (TILE, 8)
 
 
 def test_unused_and_clipped_splats_are_transparent_and_small_ones_enlarged(scene):
     view = display(100)
-    scene._draw("m", view)
+    scene._draw(view)
     tile = node(scene, "/gaussians/0")
     alphas = tile.opacities[:, 0]
     below = view.splat_centres_m[:, 2] <= 2.2
@@ -162,26 +163,36 @@ def test_unused_and_clipped_splats_are_transparent_and_small_ones_enlarged(scene
 
 def test_discs_are_flat_splats(scene):
     normals = np.tile(np.float32([0.0, 0.6, 0.8]), (100, 1))
-    scene._draw(
-        "m", replace(display(100), splat_normals=normals, splat_radii_m=np.full(100, 0.1, np.float32))
-    )
+    scene._draw(replace(display(100), splat_normals=normals, splat_radii_m=np.full(100, 0.1, np.float32)))
     covariances = node(scene, "/gaussians/0").covariances[:100]
     along = np.einsum("ni,nij,nj->n", normals, covariances, normals)
     np.testing.assert_allclose(along, 0.015**2, rtol=0.05)
     np.testing.assert_allclose(covariances[:, 0, 0], 0.1**2, rtol=2e-3)
 
 
-def test_a_new_mission_clears_the_old_one(scene):
-    scene._draw("first", display(500, n_candidates=9))
-    scene._draw("second", display(10, n_candidates=0))
-    assert scene.mission_id == "second"
+def test_a_smaller_map_leaves_nothing_of_the_larger_one(scene):
+    scene._draw(display(500, n_candidates=9))
+    scene._draw(display(10, n_candidates=0))
     assert (node(scene, "/gaussians/0").opacities > 0).sum() <= 10
     assert np.all(node(scene, "/candidates").batched_scales == 0)
 
 
+def test_a_drawing_that_fails_is_told_until_one_succeeds(scene, monkeypatch):
+    def broken(_):
+        raise ValueError("no such layer")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(scene._layers[0], "update", broken)
+        scene.show(display(10, time_s=7.0))
+        wait_until(lambda: scene._trouble.visible)
+        assert scene._trouble.content == "not up to date since 7 s of the mission: no such layer"
+    scene.show(display(10, time_s=8.0))
+    wait_until(lambda: not scene._trouble.visible)
+
+
 def test_one_batched_node_a_layer_of_fixed_size(scene):
     for count in (0, 5, 40):
-        scene._draw("m", display(10, n_candidates=count))
+        scene._draw(display(10, n_candidates=count))
         marks = node(scene, "/candidates")
         assert marks.batched_positions.shape == (MAX_CANDIDATES, 3)
         assert (marks.batched_opacities > 0).sum() == count
@@ -191,7 +202,7 @@ def test_one_batched_node_a_layer_of_fixed_size(scene):
 
 def test_views_that_come_too_fast_are_skipped_and_the_newest_is_shown(scene):
     for number in range(200):
-        scene.show("m", number + 1, display(10, time_s=float(number)))
+        scene.show(display(10, time_s=float(number)))
     deadline = time.monotonic() + 20
     while (scene._shown is None or scene._shown.time_s != 199.0) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -199,7 +210,7 @@ def test_views_that_come_too_fast_are_skipped_and_the_newest_is_shown(scene):
 
 
 def test_switches_hide_and_show_layers(scene):
-    scene._draw("m", display(10))
+    scene._draw(display(10))
     assert node(scene, "/gaussians/0").visible
     scene._layers[0].set_visible(False)
     assert not node(scene, "/gaussians/0").visible
@@ -210,13 +221,13 @@ def test_switches_hide_and_show_layers(scene):
 
 def test_fresh_cameras_look_down_on_the_middle_of_the_map(scene):
     view = display(5000)
-    scene._draw("m", view)
+    scene._draw(view)
     camera = scene.server.initial_camera
     lower, upper = view.splat_centres_m.min(axis=0), view.splat_centres_m.max(axis=0)
     np.testing.assert_allclose(camera.look_at[:2], ((lower + upper) / 2)[:2], atol=0.2)
     assert camera.position[2] > 5.0
     scene._framing.choose(CameraMode.FOLLOW_ROBOT)
-    scene._draw("m", view)
+    scene._draw(view)
 
 
 def test_a_polyline_fills_up_with_pieces_of_no_length():

@@ -74,7 +74,7 @@ def test_whoever_may_look_is_sent_the_scene_of_the_mission(live, missions):
         with look(live, missions[0], token) as scene:
             assert scene.subprotocol == PROTOCOL
             assert len(scene.recv(timeout=30)) > 100
-            wait_until(lambda: live.app.state.scenes._open[missions[0]].mission_id == missions[0])
+            wait_until(lambda: live.app.state.scenes._open[missions[0]]._shown is not None)
 
 
 @pytest.mark.parametrize(
