@@ -63,6 +63,13 @@ class GainConfig(StrictConfig):
     quality_elevation_bins: int = Field(12, ge=4)
     """Rows of rays that are scored exactly, of as many columns as `azimuth_bins`."""
 
+    @property
+    def coverage_unit(self) -> str:
+        """What coverage is counted in, for people."""
+        if self.method == "surface" or self.coverage_measure is CoverageMeasure.SURFACE:
+            return "m²"
+        return "m³" if self.coverage_measure is CoverageMeasure.VOLUME else "m³ px"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewGains:

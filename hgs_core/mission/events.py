@@ -101,6 +101,8 @@ class PlanMade(MissionEvent):
     global_s: float
     """T_GP [s]."""
     candidates: tuple[dict[str, Any], ...]
+    coverage_unit: str = "m³"
+    """What the candidates' `coverage` is counted in; quality is in m²."""
 
 
 @dataclass(frozen=True, kw_only=True)

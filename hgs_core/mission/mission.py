@@ -339,6 +339,7 @@ class Mission:
                 local_s=plan.times.local_s,
                 global_s=plan.times.global_s,
                 candidates=tuple(_candidate_json(c) for c in plan.candidates),
+                coverage_unit=plan.coverage_unit,
             )
         )
 

@@ -109,6 +109,7 @@ class HierarchicalPlanner:
             observed_share=cycle.observed_share,
             reason=self._explain(cycle, tour, local, path),
             times=times,
+            coverage_unit=self.config.gain.coverage_unit,
         )
 
     def should_replan(

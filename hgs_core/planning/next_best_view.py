@@ -124,6 +124,7 @@ class NextBestViewPlanner:
             observed_share=cycle.observed_share,
             reason=f"{choice.reason}; {path.length_m:.1f} m planned",
             times=times,
+            coverage_unit=self.config.gain.coverage_unit,
         )
 
     def should_replan(

@@ -115,6 +115,8 @@ class Plan:
     reason: str
     """One sentence for an operator: why this and not something else."""
     times: PlanningTimes
+    coverage_unit: str = "m³"
+    """What the candidates' coverage gain is counted in."""
 
 
 def on_floor(polyline_m: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:

@@ -3,7 +3,7 @@ import pytest
 from numpy import ndarray
 
 from hgs_core.errors import PlanningError
-from hgs_core.gain.viewpoint import CoverageMeasure, ViewGains
+from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, ViewGains
 from hgs_core.gaussians.information import accumulate_information
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
@@ -88,6 +88,38 @@ def test_dismissed_voxels_gain_nothing_and_hide_what_is_behind() -> None:
     voxels.attempts[25] = voxels.config.max_attempts
     gains = evaluator().evaluate(snapshot_of(voxels), np.array([[1.5, 2.0, 1.2]]), observed_share=0.0)
     assert np.all(gains.coverage_by_yaw == 0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "unit"),
+    [
+        ({}, "m³"),
+        ({"coverage_measure": CoverageMeasure.PAPER}, "m³ px"),
+        ({"coverage_measure": CoverageMeasure.SURFACE}, "m²"),
+        ({"method": "surface"}, "m²"),
+    ],
+)
+def test_coverage_says_what_it_is_counted_in(settings: dict, unit: str) -> None:
+    assert GainConfig(**settings).coverage_unit == unit
+
+
+def test_surface_in_open_space_saturates_and_in_a_niche_does_not() -> None:
+    """Behind a thin unseen layer as much surface is expected as it is thick, behind a room no more than
+    bounds it."""
+    thin, thick = half_unseen_room(), half_unseen_room()
+    beyond = thin.states[27:]
+    beyond[beyond == VoxelState.UNOBSERVED] = VoxelState.FREE
+    position = np.array([[1.5, 2.0, 1.2]])
+
+    def coverage(voxels: VoxelMap, measure: CoverageMeasure) -> float:
+        gains = evaluator(coverage_measure=measure).evaluate(
+            snapshot_of(voxels), position, observed_share=0.0
+        )
+        return float(gains.coverage[0])
+
+    by_volume = coverage(thin, CoverageMeasure.VOLUME) / coverage(thick, CoverageMeasure.VOLUME)
+    by_surface = coverage(thin, CoverageMeasure.SURFACE) / coverage(thick, CoverageMeasure.SURFACE)
+    assert by_surface > 1.5 * by_volume
 
 
 def test_the_papers_measure_counts_voxels_on_pixels_and_grows_with_the_image() -> None:

@@ -45,7 +45,7 @@ class CandidateTable extends HTMLElement {
             {},
             element("th", { class: "words", scope: "col" }, "View"),
             element("th", { scope: "col" }, "Total"),
-            element("th", { scope: "col" }, "Coverage", element("small", {}, "m³")),
+            element("th", { scope: "col" }, "Coverage", element("small", {}, plan.coverage_unit)),
             element("th", { scope: "col" }, "Quality", element("small", {}, "m²")),
             element("th", { class: "if-wide", scope: "col" }, "x, y (m)"),
             element("th", { class: "if-wide", scope: "col" }, "Yaw"),
