@@ -35,8 +35,8 @@ class MissionCreate(ApiModel):
     """A built-in scene or the name of a listed file."""
     preset: str = Field("paper", min_length=1, max_length=100, examples=["paper", "quick"])
     """A mission preset by name: a built-in one, or one that an operator saved."""
-    seed: int = Field(0, ge=0, le=2**31 - 1)
-    max_time_s: float | None = Field(None, gt=0, le=1e6)
+    seed: int = Field(0, ge=0, le=2**31 - 1, strict=True)
+    max_time_s: float | None = Field(None, gt=0, le=1e6, strict=True)
     """Limit of mission time [s]; none by default."""
     clock: ClockKind | None = None
     """`lockstep`: repeatable; `real`: mapper and planner must keep up with the robot. None: the preset's."""
