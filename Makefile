@@ -6,6 +6,9 @@ SHELL := /usr/bin/env bash
 
 VENV := .venv/bin
 PORT ?= 8000
+# A worker a processor; the tests of a file stay together, as its module's fixtures are made once. Each test
+# keeps to one thread, its ports and folders are its own.
+PARALLEL := --numprocesses=logical --maxprocesses=8 --dist=loadfile
 
 define step
 @printf '\n== %s\n' '$(1)'
@@ -26,7 +29,7 @@ test: ready-to-test ## Everything that must be green: lint, types, layers, tests
 	$(call step,ruff format --check,$(VENV)/ruff format --check .)
 	$(call step,mypy (strict),$(VENV)/mypy)
 	$(call step,lint-imports (layers),$(VENV)/lint-imports --no-logo)
-	$(call step,pytest,$(VENV)/pytest)
+	$(call step,pytest,$(VENV)/pytest $(PARALLEL))
 
 .PHONY: test-long
 test-long: ready-to-test ## The tests that take minutes: whole missions, the built wheel, sanitizers
