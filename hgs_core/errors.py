@@ -8,7 +8,8 @@ HgsError
 ├── MapError         a map was asked for something it cannot hold or find
 ├── PlanningError    a planner was called in a state that it cannot plan from
 ├── RobotError       a robot refused or failed a command
-└── StreamError      a recorded or live stream is malformed
+├── StreamError      a recorded or live stream is malformed
+└── CheckpointError  a saved state is torn, of another version, or does not fit
 ```
 
 Expected outcomes ("nothing left to see") are return values, never errors. A message names the value,
@@ -46,3 +47,7 @@ class RobotError(HgsError):
 
 class StreamError(HgsError):
     """A recorded or live stream is malformed."""
+
+
+class CheckpointError(HgsError):
+    """A saved state is torn, of another version, or does not fit."""

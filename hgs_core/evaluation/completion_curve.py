@@ -8,13 +8,14 @@ neighbouring cell, against the centres in such cells alone: the answer is that o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from hgs_core.errors import CheckpointError
 from hgs_core.evaluation.report_parts import CurvePoint
 from hgs_core.evaluation.surface import COMPLETION_THRESHOLD_M
 
@@ -32,6 +33,8 @@ class CompletionTracker:
         self._n_samples = len(samples_m)
         self._threshold_m = threshold_m
         self._raster = _Raster.around(samples_m, least_cell_m=2 * threshold_m)
+        self._incomplete = np.arange(len(samples_m), dtype=np.int32)
+        """Which samples no reading has found complete; their places and cells follow."""
         self._incomplete_m = np.asarray(samples_m, dtype=float)
         self._cells = self._raster.cells_of(self._incomplete_m)
 
@@ -52,8 +55,26 @@ class CompletionTracker:
         distances = tree.query(self._incomplete_m[near], distance_upper_bound=self._threshold_m)[0]
         kept = np.ones(len(self._incomplete_m), dtype=bool)
         kept[near[distances < self._threshold_m]] = False
-        self._incomplete_m, self._cells = self._incomplete_m[kept], self._cells[kept]
+        self._keep(kept)
         return self.ratio
+
+    def state(self) -> dict[str, Any]:
+        """What later readings depend on besides the samples."""
+        return {"n_samples": self._n_samples, "incomplete": self._incomplete}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """For a tracker of the same samples that has read nothing. Raises `CheckpointError` for others."""
+        if state["n_samples"] != self._n_samples:
+            raise CheckpointError(
+                f"the curve was recorded over {state['n_samples']} samples, the scene has {self._n_samples}"
+            )
+        kept = np.zeros(self._n_samples, dtype=bool)
+        kept[state["incomplete"]] = True
+        self._keep(kept)
+
+    def _keep(self, kept: Bool[ndarray, " n_incomplete"]) -> None:
+        self._incomplete = self._incomplete[kept]
+        self._incomplete_m, self._cells = self._incomplete_m[kept], self._cells[kept]
 
 
 class _Raster:

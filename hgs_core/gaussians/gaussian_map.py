@@ -160,17 +160,19 @@ class GaussianMap:
         self.block_bounds = bounds
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to go on: plain arrays and numbers."""
-        arrays = {name: getattr(self, name)[: self.size].copy() for name in _ROWS}
-        return {"primitive": self.primitive, "version": self.version, **arrays}
+        """Everything needed to go on: numbers, and views of the arrays. Whoever keeps them beyond the next
+        change of the map copies them."""
+        arrays = {name: getattr(self, name)[: self.size] for name in _ROWS}
+        bounds = {"block_bounds": self.block_bounds}
+        return {"primitive": self.primitive, "version": self.version, **arrays, **bounds}
 
     @staticmethod
     def restore(state: dict[str, Any]) -> GaussianMap:
         restored = GaussianMap(primitive=state["primitive"], version=state["version"])
         restored.size = len(state["parameters"])
-        for name in _ROWS:
+        # Bounds only grow while Gaussians move: made anew they would be tighter than those that were saved.
+        for name in (*_ROWS, "block_bounds"):
             setattr(restored, name, state[name].copy())
-        restored.refresh_blocks(0)
         return restored
 
     def _reserve(self, needed: int) -> None:

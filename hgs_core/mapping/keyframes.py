@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -187,20 +187,23 @@ class KeyframeStore:
     def state(self) -> dict[str, Any]:
         """Camera, poses and times; the images are files already."""
         return {
-            "camera": self._camera,
+            "camera": None if self._camera is None else asdict(self._camera),
             "range_m": self._range_m,
-            "poses": [pose.as_matrix() for pose in self._poses],
-            "timestamps_s": list(self._timestamps_s),
+            "poses": self.poses.as_matrix(),
+            "world_to_camera": self._world_to_camera,
+            "timestamps_s": np.array(self._timestamps_s),
         }
 
     @staticmethod
     def restore(folder: Path, state: dict[str, Any]) -> KeyframeStore:
         store = KeyframeStore(folder, range_m=state["range_m"])
-        store._camera = state["camera"]
-        store._poses = [SE3.from_matrix(matrix) for matrix in state["poses"]]
-        store._timestamps_s = list(state["timestamps_s"])
-        for pose in store._poses:
-            store._index_pose(pose)
+        camera = state["camera"]
+        store._camera = None if camera is None else CameraIntrinsics(**camera)
+        store._poses = [SE3.from_matrix(matrix.copy()) for matrix in state["poses"]]
+        store._timestamps_s = [float(stamp) for stamp in state["timestamps_s"]]
+        # Not worked out again from the poses: the last digits of an inverse depend on how its array lies.
+        store._world_to_camera = np.array(state["world_to_camera"])
+        store._positions_m = state["poses"][:, :3, 3].copy()
         return store
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,21 @@ class MissionParts:
     mission: Mission
     curve: CurveRecorder | None
     """Records how complete the map is meanwhile, where that is wanted."""
+
+    def state(self) -> dict[str, Any]:
+        """Everything that the rest of the mission depends on, to be taken between two frames."""
+        return {
+            "mission": self.mission.state(),
+            "world": self.world.state(),
+            "curve": None if self.curve is None else self.curve.state(),
+        }
+
+    def restore(self, state: dict[str, Any], *, keyframe_folder: Path) -> None:
+        """For parts of the same settings, scene and seed."""
+        self.world.restore(state["world"])
+        self.mission.restore(state["mission"], keyframe_folder=keyframe_folder)
+        if self.curve is not None and state["curve"] is not None:
+            self.curve.restore(state["curve"])
 
 
 def build_mission(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, Protocol, runtime_checkable
+from typing import Any, Final, Protocol, runtime_checkable
 
 _POLL_S: Final = 0.02
 IDLE_SHARE: Final = 0.1
@@ -56,6 +56,12 @@ class Clock(Protocol):
         """Wait until a frame is due, or until `interrupted`, which is polled meanwhile."""
         ...
 
+    def state(self) -> dict[str, Any]:
+        """What a clock of another process needs to go on from here, as plain data."""
+        ...
+
+    def restore(self, state: dict[str, Any]) -> None: ...
+
 
 class LockstepClock:
     """Every step takes its nominal time; a frame is due one interval after the step before it."""
@@ -74,6 +80,12 @@ class LockstepClock:
 
     def next_frame(self, *, interrupted: Callable[[], bool]) -> NextFrame:
         return NextFrame(after_s=self._frame_interval_s, dropped=0)
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Nothing to restore."""
 
 
 class RealClock:
@@ -131,6 +143,15 @@ class RealClock:
         after_s = frame_s - self._told_s
         self._told_s = frame_s
         return NextFrame(after_s=after_s, dropped=dropped)
+
+    def state(self) -> dict[str, Any]:
+        return {"time_s": self._time_s(), "told_s": self._told_s, "next_index": self._next_index}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Mission time goes on from where it stood: none has passed since."""
+        self._began_s = self._now() - state["time_s"]
+        self._told_s = state["told_s"]
+        self._next_index = state["next_index"]
 
     def _time_s(self) -> float:
         now_s = self._now()

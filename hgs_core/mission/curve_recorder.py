@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from hgs_core.evaluation.ceiling import observable_ceiling
 from hgs_core.evaluation.completion_curve import CompletionTracker
@@ -92,6 +93,16 @@ class CurveRecorder:
             self._points.pop()
         self._read(path_m, time_s)
         return tuple(self._points)
+
+    def state(self) -> dict[str, Any]:
+        """What later readings depend on besides the map."""
+        points = [point.model_dump() for point in self._points]
+        return {"points": points, "wall_s": self.wall_s, "tracker": self._tracker.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self._points = [CurvePoint(**point) for point in state["points"]]
+        self.wall_s = state["wall_s"]
+        self._tracker.restore(state["tracker"])
 
     def _due(self, event: Telemetry) -> bool:
         if not self._points:

@@ -22,6 +22,8 @@ class MissionPhase(StrEnum):
     PREPARING = "preparing"
     RUNNING = "running"
     PAUSED = "paused"
+    SUSPENDED = "suspended"
+    """Saved, to be gone on with by another process; this one ends."""
     EVALUATING = "evaluating"
     ENDED = "ended"
 
@@ -115,6 +117,16 @@ class Notice(MissionEvent):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Resumed(MissionEvent):
+    """Another process goes on from the mission as it was at `time_s`. What an earlier one told of later times
+    comes again; where it comes out the same, as by the lockstep clock, it is not told a second time
+    (`hgs_core.mission.repeats`)."""
+
+    kind: ClassVar[str] = "resumed"
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class MissionEnded(MissionEvent):
     kind: ClassVar[str] = "ended"
     stop_reason: StopReason
@@ -153,6 +165,8 @@ class Command(StrEnum):
     PAUSE = "pause"
     RESUME = "resume"
     STOP = "stop"
+    SUSPEND = "suspend"
+    """Save a checkpoint after the frame under way, and let another process go on from it."""
 
 
 @runtime_checkable

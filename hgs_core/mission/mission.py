@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,6 @@ from jaxtyping import Float32
 from numpy import ndarray
 
 from hgs_core.gaussians.render import render
-from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.mapper import IntegrationReport, Mapper
 from hgs_core.mission.clock import Clock, ClockKind
 from hgs_core.mission.config import MissionLimits
@@ -28,35 +29,14 @@ from hgs_core.mission.events import (
     Telemetry,
     rgb_to_uint8,
 )
-from hgs_core.planning.plan import NothingLeft, Plan, Planner, PlanningTimes, UnseenReason, UnseenRegion
+from hgs_core.mission.record import MissionRecord
+from hgs_core.planning.plan import NothingLeft, Plan, Planner, UnseenReason, UnseenRegion
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import Robot
 from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.sensing.sensor import Scanner, Sensor
 
 _PAUSE_POLL_S = 0.05
-
-
-@dataclass(kw_only=True)
-class MissionRecord:
-    """What a mission did, for its report."""
-
-    timestamps_s: list[float] = field(default_factory=list)
-    poses: list[SE3] = field(default_factory=list)
-    sensing_s: list[float] = field(default_factory=list)
-    """Wall seconds of delivering each frame and scan: the simulator's."""
-    mapping_s: list[float] = field(default_factory=list)
-    """Wall seconds of mapping for each frame: taking in scan and frame, and the steps that followed."""
-    iterations: int = 0
-    """Optimisation steps so far."""
-    frames_dropped: int = 0
-    """Frames that fell due while the mapper or the planner was busy, and were never taken."""
-    frames_thinned: int = 0
-    """Frames taken that showed nothing new: they went into the voxels alone."""
-    planning: list[PlanningTimes] = field(default_factory=list)
-    stop_reason: StopReason | None = None
-    message: str = ""
-    unseen: tuple[UnseenRegion, ...] = ()
 
 
 class Mission:
@@ -92,19 +72,28 @@ class Mission:
         self._observer = observer
         self._commands = commands
         self._plan: Plan | None = None
+        self._began = False
         self._stop_requested = False
         self._pause_requested = False
+        self._suspend_requested = False
         self._idle_plans = 0
         self._missing_volume_m3 = 0.0
         self._pose_at_plan = (np.inf, np.inf, np.inf)
         self._began_s = time.perf_counter()
 
-    def run(self) -> MissionRecord:
-        """Explore until done. Returns the record; raises only `HgsError`s of the parts."""
-        self._announce(MissionPhase.RUNNING, "looking around")
-        self._robot.follow(self._first_look())
+    def run(self, *, between_frames: Callable[[], None] = lambda: None) -> MissionRecord:
+        """Explore until done, from the start or from what was restored. Returns the record; one without a
+        `stop_reason` is that of a mission that was suspended. Raises only `HgsError`s of the parts.
+
+        `between_frames` is called whenever `state` may be taken.
+        """
+        self._begin()
         while self.record.stop_reason is None:
             self.step()
+            if self.record.stop_reason is None:
+                between_frames()
+                if self._suspend_requested and not self._stop_requested:
+                    return self.record
         self._mapper.prune()
         self._observer.on_event(
             MissionEnded(
@@ -127,18 +116,52 @@ class Mission:
             self._go_on_to_next_frame()
 
     def state(self) -> dict[str, Any]:
-        """The planner's and mapper's state; robot, sensors and clock save their own."""
+        """Everything that later frames and the report depend on, but what lies behind the seams `Robot`,
+        `Sensor` and `Scanner`; to be taken between two frames (see `GaussianMap.state`).
+        """
         return {
             "mapper": self._mapper.state(),
             "planner": self._planner.state(),
             "planner_rng": self._planner_rng.bit_generator.state,
-            "trajectory": [pose.as_matrix() for pose in self.record.poses],
-            "timestamps_s": list(self.record.timestamps_s),
+            "plan": None if self._plan is None else self._plan.state(),
+            "clock": self._clock.state(),
+            "record": self.record.state(),
+            "idle_plans": self._idle_plans,
+            "missing_volume_m3": self._missing_volume_m3,
+            "pose_at_plan": list(self._pose_at_plan),
+            "wall_s": self._wall_s,
         }
+
+    def restore(self, state: dict[str, Any], *, keyframe_folder: FilePath) -> None:
+        """Go on from `state`, in the place where it was taken; keyframes' images lie in `keyframe_folder`."""
+        self._mapper.restore(state["mapper"], keyframe_folder=keyframe_folder)
+        self._planner.restore(state["planner"])
+        self._planner_rng.bit_generator.state = state["planner_rng"]
+        self._plan = None if state["plan"] is None else Plan.restore(state["plan"])
+        self._clock.restore(state["clock"])
+        self.record = MissionRecord.restore(state["record"])
+        self._idle_plans = int(state["idle_plans"])
+        self._missing_volume_m3 = float(state["missing_volume_m3"])
+        x_m, y_m, yaw_rad = state["pose_at_plan"]
+        self._pose_at_plan = (x_m, y_m, yaw_rad)
+        self._began_s = time.perf_counter() - state["wall_s"]
+        self._began = True
 
     @property
     def _time_s(self) -> float:
         return self._robot.state.timestamp_s
+
+    @property
+    def _wall_s(self) -> float:
+        return time.perf_counter() - self._began_s
+
+    def _begin(self) -> None:
+        if self._began:
+            self._announce(MissionPhase.RUNNING, f"going on from {self._time_s:.1f} s")
+            return
+        self._began = True
+        self._announce(MissionPhase.RUNNING, "looking around")
+        self._robot.follow(self._first_look())
 
     def _first_look(self) -> Path:
         """A full turn on the spot: a level camera knows nothing of what is behind it."""
@@ -256,19 +279,20 @@ class Mission:
 
     def _obey_commands(self) -> None:
         self._take_commands()
-        if not self._pause_requested or self._stop_requested:
+        if not self._pause_requested or self._stop_requested or self._suspend_requested:
             return
         self._announce(MissionPhase.PAUSED, "paused by command")
         with self._clock.stopped():
-            while self._pause_requested and not self._stop_requested:
+            while self._pause_requested and not (self._stop_requested or self._suspend_requested):
                 time.sleep(_PAUSE_POLL_S)
                 self._take_commands()
-        if not self._stop_requested:
+        if not (self._stop_requested or self._suspend_requested):
             self._announce(MissionPhase.RUNNING, "resumed by command")
 
     def _take_commands(self) -> None:
         while (command := self._commands.poll()) is not None:
             self._stop_requested |= command is Command.STOP
+            self._suspend_requested |= command is Command.SUSPEND
             self._pause_requested = command is Command.PAUSE
 
     def _announce(self, phase: MissionPhase, reason: str) -> None:
@@ -298,7 +322,7 @@ class Mission:
                 iterations=self.record.iterations,
                 frames_dropped=self.record.frames_dropped,
                 frames_thinned=self.record.frames_thinned,
-                wall_s=time.perf_counter() - self._began_s,
+                wall_s=self._wall_s,
             )
         )
 

@@ -37,7 +37,7 @@ from hgs_core.mission.events import (
 )
 from hgs_core.mission.finished_run import RUN_CONFIG
 from hgs_core.mission.folder import EventLog, RunFolder
-from hgs_core.mission.mission import MissionRecord
+from hgs_core.mission.record import MissionRecord
 from hgs_core.mission.report_page import write_report_page
 from hgs_core.mission.request import MissionRequest as MissionRequest
 from hgs_core.mission.versions import software_versions

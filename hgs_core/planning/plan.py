@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
@@ -72,6 +72,10 @@ class Candidate:
             status=CandidateStatus.UNREACHABLE,
         )
 
+    @staticmethod
+    def restore(state: dict[str, Any]) -> Candidate:
+        return Candidate(**{**state, "status": CandidateStatus(state["status"])})
+
 
 @dataclass(frozen=True, kw_only=True)
 class Subspace:
@@ -81,6 +85,13 @@ class Subspace:
     upper_m: tuple[float, float, float]
     state: SubspaceState
     missing_volume_m3: float
+
+    @staticmethod
+    def restore(state: dict[str, Any]) -> Subspace:
+        lower, upper = tuple(state["lower_m"]), tuple(state["upper_m"])
+        return Subspace(
+            **{**state, "lower_m": lower, "upper_m": upper, "state": SubspaceState(state["state"])}
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +128,29 @@ class Plan:
     times: PlanningTimes
     coverage_unit: str = "m³"
     """What the candidates' coverage gain is counted in."""
+
+    def state(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            **plain,
+            "path": {"positions_m": self.path.positions_m, "yaws_rad": self.path.yaws_rad},
+            "candidates": [asdict(candidate) for candidate in self.candidates],
+            "subspaces": [asdict(subspace) for subspace in self.subspaces],
+            "horizon": {"lower_m": self.horizon.lower_m, "upper_m": self.horizon.upper_m},
+            "times": asdict(self.times),
+        }
+
+    @staticmethod
+    def restore(state: dict[str, Any]) -> Plan:
+        parts = {
+            "path": Path(**state["path"]),
+            "candidates": tuple(Candidate.restore(entry) for entry in state["candidates"]),
+            "subspaces": tuple(Subspace.restore(entry) for entry in state["subspaces"]),
+            "horizon": Box(**state["horizon"]),
+            "times": PlanningTimes(**state["times"]),
+        }
+        return Plan(**{**state, **parts})
 
 
 def on_floor(polyline_m: Float[ndarray, "n 2"]) -> Float[ndarray, "n 3"]:

@@ -15,7 +15,8 @@ from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.mission.clock import LockstepClock, RealClock
 from hgs_core.mission.config import MissionLimits
 from hgs_core.mission.events import Command, MissionEvent, MissionView, StopReason, Telemetry
-from hgs_core.mission.mission import Mission, MissionRecord
+from hgs_core.mission.mission import Mission
+from hgs_core.mission.record import MissionRecord
 from hgs_core.planning.plan import NothingLeft, Plan, PlanningTimes, UnseenRegion
 from hgs_core.robot.path import Path as RobotPath
 from hgs_core.robot.robot import RobotState
