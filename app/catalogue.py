@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import time
 from collections.abc import Mapping
@@ -10,12 +11,13 @@ from typing import Any
 
 from app.errors import Conflict, Invalid, NotFound
 from app.missions.service import MissionOrder
-from app.schemas import MissionCreate, PresetEntry, PresetSave, SceneEntry
+from app.schemas import MissionCreate, PresetEntry, PresetSave, PresetSettings, SceneEntry
 from app.storage.presets import PresetStore
 from app.storage.tables import PresetRecord
 from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError, SceneError
 from hgs_core.mission.config import resolve_mission_config
+from hgs_core.mission.settings_schema import planner_names, settings_schema
 from hgs_core.scene.built_in import BUILT_IN_SCENES, built_in_scene
 from hgs_core.scene.registry import find_source, scene_names
 
@@ -52,6 +54,18 @@ class Catalogue:
         if record is None:
             raise NotFound(f"there is no preset {name!r}")
         return _saved_entry(record)
+
+    def settings(self, name: str, *, planner: str | None = None) -> PresetSettings:
+        """Every setting of a preset; of another planner where one is named. Raises `NotFound`, `Invalid`."""
+        entry = self.preset(name)
+        planners = planner_names()
+        if planner is not None and planner not in planners:
+            raise _refusal([_unknown("planner", planner, planners)])
+        overrides = entry.overrides if planner is None else {**entry.overrides, "planner": planner}
+        config = resolve_mission_config(entry.base, overrides)
+        return PresetSettings(
+            settings_schema=settings_schema(config), values=config.model_dump(mode="json"), planners=planners
+        )
 
     def save_preset(self, name: str, wish: PresetSave, *, saved_by: str) -> tuple[PresetEntry, bool]:
         """Add or replace a preset; whether it is new. Raises `Conflict` for a built-in one, `Invalid`."""
@@ -186,8 +200,27 @@ def _refused_overrides(preset: str, overrides: Mapping[str, str]) -> list[dict[s
     try:
         resolve_mission_config(preset, dict(overrides))
     except ConfigError as error:
-        return [{"field": "overrides", "value": dict(overrides), "message": str(error)}]
+        if not error.faults:
+            return [{"field": "overrides", "value": dict(overrides), "message": str(error)}]
+        return [
+            {
+                "field": f"overrides.{fault.field}",
+                "value": overrides.get(fault.field),
+                "message": f"{fault.field} = {fault.value!r}: {fault.message}"[:500],
+            }
+            for fault in error.faults
+        ]
     return []
+
+
+def time_limit_s(preset_source: str, overrides: Mapping[str, str]) -> float:
+    """The limit of mission time [s] that a preset and settings of it amount to."""
+    return _time_limit_s(preset_source, tuple(sorted(overrides.items())))
+
+
+@functools.lru_cache(maxsize=256)
+def _time_limit_s(preset_source: str, overrides: tuple[tuple[str, str], ...]) -> float:
+    return resolve_mission_config(preset_source, dict(overrides)).limits.max_time_s
 
 
 def _unknown(field: str, value: str, allowed: list[str]) -> dict[str, Any]:

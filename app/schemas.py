@@ -106,6 +106,8 @@ class MissionDetail(MissionSummary):
     figures: MissionFigures | None
     plan: dict[str, Any] | None
     """The newest `plan` event, candidates included."""
+    time_limit_s: float
+    """Mission time at which it ends although there is more to see [s]: as ordered, or else the preset's."""
     view_sequence: int
     """Number of the newest view; images and the 3D scene show it. 0 = none yet."""
     last_sequence: int
@@ -136,8 +138,68 @@ class MetricsPage(ApiModel):
     """Figures over time, one list a column."""
 
     columns: dict[str, list[float | None]]
+    """Of every frame."""
+    plans: dict[str, list[float | None]]
+    """Of every planning cycle, its parts' wall times [s] among them."""
     next_since: int
     """Give this as `since` to get only what is new."""
+
+
+class GroundPose(ApiModel):
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+
+class GroundCuboid(ApiModel):
+    """A subspace of the global level, from above."""
+
+    lower_m: list[float]
+    upper_m: list[float]
+    state: str
+    """reconstructed, reconstructing or unreconstructed."""
+
+
+class TopViewFacts(ApiModel):
+    """What belongs over the map from above, in metres; x to the right, y up."""
+
+    view_sequence: int
+    """Number of the view, or of the moment, that it shows."""
+    time_s: float
+    lower_m: list[float]
+    """x and y of the picture's lower left corner."""
+    upper_m: list[float]
+    """x and y of its upper right corner."""
+    robot: GroundPose
+    field_of_view_deg: float
+    """Horizontal, of the camera."""
+    trajectory: list[list[float]]
+    local_path: list[list[float]]
+    global_tour: list[list[float]]
+    subspaces: list[GroundCuboid]
+
+
+class MomentEntry(ApiModel):
+    """A moment of a mission that can be gone back to."""
+
+    number: int
+    time_s: float
+    """Mission time [s]."""
+    sequence: int
+    """Number of the mission's newest event then."""
+    path_length_m: float
+
+
+class MomentList(ApiModel):
+    moments: list[MomentEntry]
+    """In the order in which they were taken."""
+
+
+class MomentDetail(MomentEntry):
+    figures: MissionFigures | None
+    plan: dict[str, Any] | None
+    """The newest `plan` event then, candidates included."""
+    top_view: TopViewFacts
 
 
 class SceneEntry(ApiModel):
@@ -157,6 +219,18 @@ class PresetEntry(ApiModel):
     """Settings of a saved preset that differ from `base`."""
     content: dict[str, Any]
     """Settings of `base`."""
+
+
+class PresetSettings(ApiModel):
+    """Every setting of a preset, for a form."""
+
+    settings_schema: dict[str, Any]
+    """JSON Schema (2020-12) of the settings: types, ranges, defaults, what each means. A section's properties
+    are those of the planner and the sensor that the preset names."""
+    values: dict[str, Any]
+    """What the preset holds, defaults filled in."""
+    planners: list[str]
+    """What the override `planner` can name."""
 
 
 class PresetSave(ApiModel):

@@ -11,6 +11,7 @@ from typing import Annotated
 from limits import parse
 from pydantic import AfterValidator, Field, SecretStr
 
+from app.missions.moments import MomentSettings
 from hgs_core.config.base import StrictConfig
 from hgs_core.errors import ConfigError
 
@@ -121,6 +122,7 @@ class Settings(StrictConfig):
     access: AccessSettings = AccessSettings()
     supervision: SupervisionSettings = SupervisionSettings()
     display: DisplaySettings = DisplaySettings()
+    moments: MomentSettings = MomentSettings()
 
     @property
     def missions_dir(self) -> Path:

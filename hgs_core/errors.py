@@ -16,13 +16,31 @@ Expected outcomes ("nothing left to see") are return values, never errors. A mes
 what was expected, and what to do.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 
 class HgsError(Exception):
     """Base of all errors raised on purpose."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One setting that is not allowed."""
+
+    field: str
+    """Its path, `section.field`."""
+    value: Any
+    message: str
+
+
 class ConfigError(HgsError):
-    """A preset, option or file names something that is not allowed."""
+    """A preset, option or file names something that is not allowed; `faults` name the settings."""
+
+    def __init__(self, message: str, *, faults: Sequence[Fault] = ()) -> None:
+        super().__init__(message)
+        self.faults = tuple(faults)
 
 
 class SceneError(HgsError):

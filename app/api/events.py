@@ -27,14 +27,17 @@ _EventKind = Annotated[str, Query(max_length=50, pattern=r"^[a-z_]+$")]
 def list_events(
     mission: MissionDep,
     after: Annotated[int, Query(ge=0, le=2**31 - 1, description="Only events with a higher number")] = 0,
+    before: Annotated[
+        int | None, Query(ge=1, le=2**31 - 1, description="Only events with a lower number")
+    ] = None,
     limit: Annotated[int, Query(ge=1, le=5_000)] = 500,
     kind: Annotated[
         list[_EventKind] | None, Query(description="Only these kinds; repeat for several", max_length=20)
     ] = None,
-    newest: Annotated[bool, Query(description="The last ones above `after`, not the first")] = False,
+    newest: Annotated[bool, Query(description="The last ones, not the first")] = False,
 ) -> EventPage:
     """Past events in order."""
-    events, more = mission.log.history(after=after, limit=limit, kinds=kind, newest=newest)
+    events, more = mission.log.history(after=after, before=before, limit=limit, kinds=kind, newest=newest)
     return EventPage(events=events, more=more)
 
 

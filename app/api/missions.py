@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Response, status
@@ -28,6 +28,7 @@ router = APIRouter(prefix="/missions", tags=["missions"])
 
 _CURSOR = r"^[0-9]{1,12}(\.[0-9]{1,12})?~[A-Za-z0-9-]{1,64}$"
 _MOST_ROWS = 20_000
+_Row = TypeVar("_Row")
 
 METRIC_COLUMNS = (
     "sequence",
@@ -46,6 +47,16 @@ METRIC_COLUMNS = (
     "collisions",
 )
 
+PLAN_COLUMNS = (
+    "time_s",
+    "planning_s",
+    "viewpoint_evaluation_s",
+    "local_s",
+    "global_s",
+    "n_candidates",
+    "n_selected",
+    "observed_share",
+)
 
 _Refusable = problems(404, 409)
 
@@ -170,13 +181,26 @@ def get_metrics(
 
 
 def _metrics(mission: Mission, since: int, limit: int) -> MetricsPage:
-    rows, _ = mission.log.history(after=since, limit=_MOST_ROWS, kinds=["telemetry"], newest=True)
-    next_since = int(rows[-1]["sequence"]) if rows else since
-    if len(rows) > limit:
-        last = len(rows) - 1
-        rows = [rows[round(k * last / (limit - 1))] for k in range(limit)]
-    columns = {name: [row.get(name) for row in rows] for name in METRIC_COLUMNS}
-    return MetricsPage(columns=columns, next_since=next_since)
+    end = mission.log.last_sequence + 1  # the same end for both, so that none is told twice or left out
+    rows, _ = mission.log.history(after=since, before=end, limit=_MOST_ROWS, kinds=["telemetry"], newest=True)
+    shown = _thinned(rows, limit)
+    columns = {name: [row.get(name) for row in shown] for name in METRIC_COLUMNS}
+    plans = mission.log.columns("plan", PLAN_COLUMNS, after=since, before=end, limit=_MOST_ROWS)
+    by_column = (
+        zip(*_thinned(plans, limit), strict=True) if plans else ([] for _ in range(len(PLAN_COLUMNS) + 1))
+    )
+    return MetricsPage(
+        columns=columns,
+        plans=dict(zip(("sequence", *PLAN_COLUMNS), map(list, by_column), strict=True)),
+        next_since=max(since, end - 1),
+    )
+
+
+def _thinned(rows: list[_Row], limit: int) -> list[_Row]:
+    """At most `limit`, evenly spread, the first and the last among them."""
+    if len(rows) <= limit:
+        return rows
+    return [rows[round(k * (len(rows) - 1) / (limit - 1))] for k in range(limit)]
 
 
 def _idempotency(key: str | None, wish: MissionCreate) -> Idempotency | None:

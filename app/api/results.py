@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from fastapi import APIRouter
-from fastapi.responses import FileResponse
+from fastapi import APIRouter, Query
+from fastapi.responses import FileResponse, StreamingResponse
 
+from app.archive import zipped
 from app.deps import MissionDep
 from app.errors import NotFound
 from app.missions.mission import Mission
@@ -42,6 +44,37 @@ def list_results(mission: MissionDep) -> list[ResultFile]:
         for name, path in _files(mission).items()
         if not name.startswith("keyframes/")
     ]
+
+
+@router.get(
+    "/{mission_id}/results.zip",
+    operation_id="downloadResults",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "One ZIP with a folder that is named after the mission",
+            "content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}},
+        },
+        **problems(404),
+    },
+)
+def download_results(
+    mission: MissionDep,
+    keyframes: Annotated[bool, Query(description="With the images of the keyframes")] = True,
+) -> StreamingResponse:
+    """Everything at once: report, map, mesh, trajectory, events, settings, log and keyframes."""
+    files = {
+        f"{mission.id}/{name}": path
+        for name, path in _files(mission).items()
+        if keyframes or not name.startswith("keyframes/")
+    }
+    if not files:
+        raise NotFound(f"mission {mission.id} has no results (yet)")
+    return StreamingResponse(
+        zipped(files),
+        media_type="application/zip",
+        headers={"Content-Disposition": f'attachment; filename="{mission.id}.zip"'},
+    )
 
 
 @router.get(

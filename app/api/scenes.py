@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response, status
+from fastapi import APIRouter, Path, Query, Response, status
 
 from app.deps import CatalogueDep, PrincipalDep
 from app.openapi import problems
-from app.schemas import PresetEntry, PresetName, PresetSave, SceneEntry
+from app.schemas import PresetEntry, PresetName, PresetSave, PresetSettings, SceneEntry
 
 router = APIRouter(tags=["catalogue"])
 
@@ -30,6 +30,19 @@ def list_presets(catalogue: CatalogueDep) -> list[PresetEntry]:
 @router.get("/presets/{name}", operation_id="getPreset", responses=problems(404))
 def get_preset(name: _Name, catalogue: CatalogueDep) -> PresetEntry:
     return catalogue.preset(name)
+
+
+@router.get("/presets/{name}/settings", operation_id="getPresetSettings", responses=problems(404))
+def get_preset_settings(
+    name: _Name,
+    catalogue: CatalogueDep,
+    planner: Annotated[
+        PresetName | None, Query(description="As if the preset named this planner", examples=["best"])
+    ] = None,
+) -> PresetSettings:
+    """Every setting of a preset with its meaning, range and value: what a form needs. Settings that differ go
+    into the `overrides` of a new mission, `section.field` by text."""
+    return catalogue.settings(name, planner=planner)
 
 
 @router.put(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from app.catalogue import time_limit_s
 from app.missions.mission import Mission
+from app.missions.moments import Moment
 from app.missions.states import commands_allowed
-from app.schemas import MissionDetail, MissionFigures, MissionSummary
+from app.schemas import MissionDetail, MissionFigures, MissionSummary, MomentEntry
 
 
 def summary(mission: Mission) -> MissionSummary:
@@ -17,8 +19,10 @@ def detail(mission: Mission) -> MissionDetail:
     newest = mission.log.newest("telemetry")
     return MissionDetail(
         **_common(mission),
-        figures=_figures(newest) if newest is not None else None,
+        figures=figures(newest),
         plan=mission.log.newest("plan"),
+        time_limit_s=mission.record.max_time_s
+        or time_limit_s(mission.record.preset_source, mission.record.overrides),
         view_sequence=mission.view_sequence,
         last_sequence=mission.log.last_sequence,
     )
@@ -48,5 +52,17 @@ def _common(mission: Mission) -> dict[str, Any]:
     }
 
 
-def _figures(event: dict[str, Any]) -> MissionFigures:
+def moment_entry(moment: Moment) -> MomentEntry:
+    return MomentEntry(
+        number=moment.number,
+        time_s=moment.time_s,
+        sequence=moment.sequence,
+        path_length_m=moment.path_length_m,
+    )
+
+
+def figures(event: dict[str, Any] | None) -> MissionFigures | None:
+    """Of a `telemetry` event, where there is one."""
+    if event is None:
+        return None
     return MissionFigures(**{name: event.get(name) for name in MissionFigures.model_fields})

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
 from app.errors import Invalid
@@ -89,16 +89,36 @@ class EventLog:
         return sorted([*others, *telemetry], key=_sequence)
 
     def history(
-        self, *, after: int = 0, limit: int = 500, kinds: Collection[str] | None = None, newest: bool = False
+        self,
+        *,
+        after: int = 0,
+        before: int | None = None,
+        limit: int = 500,
+        kinds: Collection[str] | None = None,
+        newest: bool = False,
     ) -> tuple[list[Event], bool]:
-        """The first (or the last) `limit` events of these kinds above `after`, and whether there are more."""
+        """The first (or the last) `limit` events of these kinds above `after` and below `before`, and whether
+        there are more."""
         if limit < 1:
             raise Invalid(f"limit is {limit}, expected at least 1")
-        found = self._store.events(self._mission_id, after=after, limit=limit + 1, kinds=kinds, newest=newest)
+        found = self._store.events(
+            self._mission_id, after=after, before=before, limit=limit + 1, kinds=kinds, newest=newest
+        )
         more = len(found) > limit
         if more:
             found = found[1:] if newest else found[:limit]
         return found, more
+
+    def columns(
+        self, kind: str, names: Sequence[str], *, after: int, before: int, limit: int
+    ) -> list[tuple[float | None, ...]]:
+        """See `MissionStore.columns`."""
+        return self._store.columns(self._mission_id, kind, names, after=after, before=before, limit=limit)
+
+    def newest_at(self, kind: str, sequence: int) -> Event | None:
+        """The newest event of `kind` when `sequence` was the newest number."""
+        found = self._store.events(self._mission_id, before=sequence + 1, limit=1, kinds=[kind], newest=True)
+        return found[0] if found else None
 
     def newest(self, kind: str) -> Event | None:
         with self._lock:

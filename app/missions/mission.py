@@ -13,9 +13,11 @@ from typing import Any
 from app.errors import Conflict, Unavailable
 from app.missions.display import DisplayView
 from app.missions.event_log import EventLog
+from app.missions.moments import MomentArchive
 from app.missions.pictures import Picture, load_view, picture_of, save_view
 from app.missions.states import COMMANDS, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
+from app.missions.top_view import top_view, top_view_facts
 from app.storage.missions import MissionStore
 from app.storage.tables import MissionRecord
 
@@ -31,8 +33,11 @@ _PHASE_STATES = {
 class Mission:
     """Safe to use from any thread. Every change of state is saved together with the event that tells it."""
 
-    def __init__(self, record: MissionRecord, store: MissionStore, folder: Path) -> None:
+    def __init__(
+        self, record: MissionRecord, store: MissionStore, folder: Path, moments: MomentArchive
+    ) -> None:
         """`folder` holds its files: what the process writes, its output, the last view."""
+        self.moments = moments
         self._store = store
         self._folder = folder
         self._lock = threading.RLock()
@@ -45,6 +50,9 @@ class Mission:
         self._view: tuple[int, DisplayView] | None = None
         self._heard_at: float | None = None
         self._log: EventLog | None = None
+        self._moments_failed = False
+        self._drawing = threading.Lock()
+        self._top_view: tuple[int, bytes, dict[str, Any]] | None = None
 
     @property
     def record(self) -> MissionRecord:
@@ -110,6 +118,18 @@ class Mission:
         """An image of the newest view; None when there is no view."""
         view = self.view()
         return picture_of(view[1], view[0], kind) if view is not None else None
+
+    def top_view(self) -> tuple[int, bytes, dict[str, Any]] | None:
+        """The newest map from above as a PNG, after the view's number and before what belongs over it; drawn
+        once for all who look. None when there is no view."""
+        view = self.view()
+        if view is None:
+            return None
+        with self._drawing:
+            if self._top_view is None or self._top_view[0] != view[0]:
+                drawn = top_view(view[1], below_m=self.moments.below_m)
+                self._top_view = (view[0], drawn.png(), top_view_facts(view[1], drawn))
+            return self._top_view
 
     @property
     def silent_s(self) -> float | None:
@@ -186,6 +206,8 @@ class Mission:
     def on_view(self, sequence: int, view: DisplayView) -> None:
         self._heard_at = time.monotonic()
         self._view = (sequence, view)
+        if self.moments.is_due(view.time_s):
+            self._keep_moment(view)
 
     def on_end(self, outcome: Outcome) -> None:
         """Settle the final state. Nothing the process did or failed to do keeps a mission from ending."""
@@ -255,12 +277,31 @@ class Mission:
         if self._view is None:
             return 0
         sequence, view = self._view
+        recorded = self.moments.all()
+        if not recorded or recorded[-1].time_s != view.time_s:
+            self._keep_moment(view)
         try:
             save_view(view, self._view_file)
         except OSError as error:  # a full disk must not keep a mission from ending
             log.warning("mission %s: its last view could not be kept: %s", self.id, error)
             return 0
         return sequence
+
+    def _keep_moment(self, view: DisplayView) -> None:
+        """A disk that takes no more costs the timeline, as the operator is told once, never the mission."""
+        figures = self.log.newest("telemetry") or {}
+        try:
+            self.moments.record(
+                view, sequence=self.log.last_sequence, path_length_m=float(figures.get("path_length_m", 0.0))
+            )
+        except OSError as error:
+            log.warning("mission %s: a moment could not be kept: %s", self.id, error)
+            if not self._moments_failed:
+                self._moments_failed = True
+                message = f"the timeline has gaps from here on: {error.strerror or error}"
+                self.on_event(
+                    {"kind": "notice", "time_s": view.time_s, "level": "warning", "message": message}
+                )
 
 
 def in_degrees(value: Any) -> Any:

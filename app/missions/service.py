@@ -13,6 +13,7 @@ from app.errors import Conflict, NotFound, Unavailable
 from app.missions.child import ChildTask
 from app.missions.display import DisplayView, slot_bytes
 from app.missions.mission import Mission
+from app.missions.moments import MomentArchive
 from app.missions.states import MissionState
 from app.missions.supervisor import Outcome, Supervisor
 from app.missions.transport import ArraySlot
@@ -205,7 +206,11 @@ class MissionService:
             mission.join(2 * limits.terminate_s)
 
     def _mission_of(self, record: MissionRecord) -> Mission:
-        return Mission(record, self._store, self._settings.missions_dir / record.id)
+        folder = self._settings.missions_dir / record.id
+        moments = MomentArchive(
+            folder / "moments", self._settings.moments, below_m=self._settings.display.clip_height_m
+        )
+        return Mission(record, self._store, folder, moments)
 
     def _free_slots(self) -> int:
         return self._settings.missions_at_once - len(self.running())

@@ -85,14 +85,18 @@ class MissionStore:
         mission_id: str,
         *,
         after: int = 0,
+        before: int | None = None,
         limit: int,
         kinds: Collection[str] | None = None,
         without: str | None = None,
         newest: bool = False,
     ) -> list[Event]:
-        """The first (or the last) `limit` events above `after`, in order; of `kinds`, not of `without`."""
+        """The first (or the last) `limit` events above `after` and below `before`, in order; of `kinds`, not
+        of `without`."""
         sequence = col(EventRow.sequence)
         statement = select(EventRow.content).where(EventRow.mission_id == mission_id, sequence > after)
+        if before is not None:
+            statement = statement.where(sequence < before)
         if kinds is not None:
             statement = statement.where(col(EventRow.kind).in_(kinds))
         if without is not None:
@@ -101,6 +105,26 @@ class MissionStore:
         with self._database.transaction() as session:
             found = [dict(content) for content in session.exec(statement).all()]
         return found[::-1] if newest else found
+
+    def columns(
+        self, mission_id: str, kind: str, names: Sequence[str], *, after: int, before: int, limit: int
+    ) -> list[tuple[float | None, ...]]:
+        """The last `limit` events of `kind` above `after` and below `before`, in order: number, then the
+        numbers called `names`.
+
+        Only these leave the database: a plan with all its candidates has a hundred times as much.
+        """
+        sequence = col(EventRow.sequence)
+        numbers = [col(EventRow.content)[name].as_float() for name in names]
+        statement = (
+            select(EventRow.sequence, *numbers)
+            .where(EventRow.mission_id == mission_id, EventRow.kind == kind)
+            .where(sequence > after, sequence < before)
+            .order_by(sequence.desc())
+            .limit(limit)
+        )
+        with self._database.transaction() as session:
+            return [tuple(row) for row in session.exec(statement).all()][::-1]
 
     def last_sequence(self, mission_id: str) -> int:
         """Number of the newest event; 0 = none."""

@@ -11,7 +11,7 @@ from pydantic import Field, SerializeAsAny, ValidationError
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.config.presets import load_preset, preset_names
-from hgs_core.errors import ConfigError
+from hgs_core.errors import ConfigError, Fault
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
@@ -138,11 +138,12 @@ def _section(section: str, name: str) -> dict[str, Any]:
 
 
 def _faults(error: ValidationError, source: str, within: tuple[str, ...] = ()) -> ConfigError:
-    lines = [
-        f"{'.'.join(map(str, (*within, *e['loc']))) or '(top level)'} = {e['input']!r}: {e['msg']}"
+    faults = [
+        Fault(field=".".join(map(str, (*within, *e["loc"]))), value=e["input"], message=e["msg"])
         for e in error.errors()
     ]
-    return ConfigError(f"{source} is not valid: " + "; ".join(lines))
+    lines = [f"{fault.field or '(top level)'} = {fault.value!r}: {fault.message}" for fault in faults]
+    return ConfigError(f"{source} is not valid: " + "; ".join(lines), faults=faults)
 
 
 def _override(content: dict[str, Any], key: str, text: str) -> None:

@@ -19,8 +19,8 @@ BEARER = {"Authorization": f"Bearer {TOKEN}"}
 UNLIMITED = LimitSettings(requests="1000000/second", changes="1000000/second", logins="1000000/second")
 ENDLESS = "streamEvents"
 """A stream of events never ends; `test_streams.py` reads it."""
-NAMES_THINGS = {"createMission", "savePreset"}
-"""Operations whose bodies name scenes, presets and settings that there may not be."""
+NAMES_THINGS = {"createMission", "savePreset", "getPresetSettings"}
+"""Operations that name scenes, presets, planners and settings that there may not be."""
 
 
 @pytest.fixture(scope="module")
@@ -76,10 +76,12 @@ def test_operations_have_stable_names(description):
     assert names == sorted(
         [
             *("openSession", "getSession", "closeSession"),
-            *("listScenes", "listPresets", "getPreset", "savePreset", "deletePreset"),
+            *("listScenes", "listPresets", "getPreset", "getPresetSettings", "savePreset", "deletePreset"),
             *("listMissions", "createMission", "getMission"),
             *("startMission", "pauseMission", "resumeMission", "stopMission"),
             *("getMetrics", "listEvents", "streamEvents", "getImage", "listResults", "getResult"),
+            *("downloadResults", "getTopView", "getTopViewImage"),
+            *("listMoments", "getMoment", "getMomentTopView", "getMomentImage"),
             *("getSystem", "listAudit", "getHealth", "getReadiness"),
         ]
     )

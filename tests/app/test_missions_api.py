@@ -109,11 +109,14 @@ def test_metrics_hold_every_frame_and_can_be_thinned_and_continued(service):
     assert columns["psnr_current_db"][0] is None  # NaN has no JSON
     assert columns["psnr_current_db"][1] is not None
     assert columns["time_s"] == sorted(columns["time_s"])
+    assert page["plans"]["time_s"] == columns["time_s"][::5]  # the fake mission plans every fifth frame
+    assert page["plans"]["planning_s"] == pytest.approx([0.035] * 4)
     thin = client.get(path, params={"limit": 5}).json()["columns"]["time_s"]
     assert len(thin) == 5
     assert (thin[0], thin[-1]) == (columns["time_s"][0], columns["time_s"][-1])
     assert client.get(path, params={"since": page["next_since"]}).json() == {
         "columns": {name: [] for name in columns},
+        "plans": {name: [] for name in page["plans"]},
         "next_since": page["next_since"],
     }
 
