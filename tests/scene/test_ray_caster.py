@@ -2,14 +2,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import binary_erosion
 
 from hgs_core.errors import SceneError
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.scene.appearance import TexturePyramids, fixed_light
-from hgs_core.scene.ray_caster import BACKGROUND_RGB, RayCaster
+from hgs_core.scene.ray_caster import BACKGROUND_RGB, RayCaster, uneven_pixels
 from tests.scene.worlds import CHECKER, quad, room, with_boxes
 
 CAMERA = CameraIntrinsics.centred(64, 48, 32.0)
+GREY = np.full((1, 1, 3), 128, np.uint8)
 
 
 def naive_distance(corners, origin, direction):
@@ -98,9 +100,40 @@ def test_far_texture_is_averaged_and_not_sampled_at_random():
     caster = RayCaster(quad([(20, 1, 0), (20, -1, 0), (20, -1, 2), (20, 1, 2)], stripes))
     rgb, depth = caster.render(CAMERA, level_camera_pose(0.0, 0.0, 1.0, 0.0))
     light = fixed_light(np.array([[1.0, 0.0, 0.0]]))[0]
-    np.testing.assert_allclose(
-        rgb[np.isfinite(depth)], np.broadcast_to(127.5 * light, (int(np.isfinite(depth).sum()), 3)), atol=2
-    )
+    within = binary_erosion(np.isfinite(depth))  # the pixels of its border show what is behind it, too
+    assert within.any()
+    np.testing.assert_allclose(rgb[within], np.broadcast_to(127.5 * light, (int(within.sum()), 3)), atol=2)
+
+
+def test_a_pixel_shows_the_share_of_what_is_in_it():
+    """A plate's upright edge goes through a column of pixels at a known share of their width."""
+    light = 128.0 * fixed_light(np.array([[1.0, 0.0, 0.0]]))[0]
+    pixel_m = 2.0 / CAMERA.fx
+    pose = level_camera_pose(0.0, 0.0, 1.0, 0.0)
+    for share in (0.2, 0.4, 0.6, 0.8):
+        edge_y = -share * pixel_m  # the column right of the middle, filled from its left by so much
+        plate = quad([(2, 1, 0), (2, edge_y, 0), (2, edge_y, 2), (2, 1, 2)], GREY)
+        rgb, depth = RayCaster(plate).render(CAMERA, pose)
+        row = rgb[CAMERA.height // 2].astype(float)
+        middle = CAMERA.width // 2
+        np.testing.assert_allclose(row[middle - 1], light, atol=1)
+        np.testing.assert_allclose(row[middle + 1], BACKGROUND_RGB, atol=1)
+        expected = share * light + (1 - share) * BACKGROUND_RGB
+        np.testing.assert_allclose(row[middle], expected, atol=0.11 * np.abs(light - BACKGROUND_RGB).max())
+        # Depth is that of one ray: an average would be a surface that is not there.
+        met = depth[CAMERA.height // 2]
+        np.testing.assert_allclose(met[np.isfinite(met)], 2.0, atol=1e-5)
+
+
+def test_only_uneven_pixels_are_looked_at_again():
+    """Elsewhere the picture is that of one ray a pixel."""
+    rgb = np.zeros((6, 7, 3), np.uint8)
+    rgb[2, 3, 1] = 32
+    assert not uneven_pixels(rgb).any()
+    rgb[2, 3, 1] = 33
+    found = uneven_pixels(rgb)
+    assert found[1:4, 2:5].all()
+    assert found.sum() == 9
 
 
 def test_a_pyramid_ends_in_the_mean_and_keeps_its_levels_apart():
