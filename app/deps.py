@@ -15,6 +15,8 @@ from starlette.requests import HTTPConnection
 
 from app.catalogue import Catalogue
 from app.errors import Unauthorized
+from app.logs import RecentLogs
+from app.metrics import Metrics
 from app.missions.mission import Mission
 from app.missions.service import MissionService
 from app.security.access import AccessRules
@@ -25,6 +27,7 @@ from app.security.tokens import TokenBook
 from app.settings import Settings
 from app.storage.audit import AuditStore
 from app.storage.database import Database
+from app.storage.space import Space
 from app.streams import Streams
 from app.viewer.scenes import Scenes
 
@@ -57,6 +60,9 @@ SessionsDep = Annotated[SessionBook, Depends(_state("sessions"))]
 RulesDep = Annotated[AccessRules, Depends(_state("rules"))]
 RatesDep = Annotated[Rates, Depends(_state("rates"))]
 StreamsDep = Annotated[Streams, Depends(_state("streams"))]
+MetricsDep = Annotated[Metrics, Depends(_state("metrics"))]
+SpaceDep = Annotated[Space, Depends(_state("space"))]
+RecentLogsDep = Annotated[RecentLogs, Depends(_state("recent_logs"))]
 StopThreadsDep = Annotated[CapacityLimiter, Depends(_state("stop_threads"))]
 PrincipalDep = Annotated[Principal, Depends(_principal)]
 MissionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9-]{1,64}$", examples=["20260102-030405-1a2b3c4d5e6f"])]

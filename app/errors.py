@@ -69,6 +69,11 @@ class HeadTooLarge(ServiceError):
     title = "Request header fields too large"
 
 
+class NoRoom(ServiceError):
+    status = 507
+    title = "No room"
+
+
 class Unavailable(ServiceError):
     status = 503
     title = "Not available now"

@@ -34,6 +34,7 @@ _WHY: Final = {
     431: "The head of the request is too large",
     429: "Too many requests; Retry-After says when to come again",
     503: "The database or a resource does not answer now",
+    507: "The disk, or the quota of missions' files, leaves no room",
 }
 
 

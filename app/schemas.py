@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from app.missions.display import IMAGE_KINDS
 from app.missions.states import MissionState
 from app.security.principal import Role
+from app.storage.tables import FilesKept
 from hgs_core.mission.clock import ClockKind
 
 PresetName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
@@ -96,6 +97,10 @@ class MissionSummary(ApiModel):
     queued_at: float | None
     started_at: float | None
     ended_at: float | None
+    pinned: bool
+    """Its files stay, whatever room other missions need."""
+    files: FilesKept
+    """`all`; `light`: reports and logs are left of a finished mission; `none`."""
     commands: list[str]
     """What can be commanded now."""
     silent_s: float | None

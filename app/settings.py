@@ -6,11 +6,12 @@ import ipaddress
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from limits import parse
-from pydantic import AfterValidator, Field, SecretStr
+from pydantic import AfterValidator, ByteSize, Field, SecretStr
 
+from app.logs import LogLevel, LogStyle
 from app.missions.moments import MomentSettings
 from hgs_core.config.base import StrictConfig
 from hgs_core.errors import ConfigError
@@ -57,6 +58,26 @@ Rate = Annotated[str, AfterValidator(_rate)]
 """So many in a time, as in `60/minute`."""
 
 
+class RetentionSettings(StrictConfig):
+    """How long the files of finished missions stay. Without a limit they stay until the disk needs room."""
+
+    max_bytes: ByteSize | None = Field(None, gt=0)
+    """Most that missions' files may take together [B]; the oldest finished ones give up theirs first."""
+    max_age_s: float | None = Field(None, gt=0)
+    """Missions that ended longer ago give up their large files [s]."""
+    keep_missions: int | None = Field(None, ge=1)
+    """Only so many finished missions, the newest, keep their large files; pinned ones are not counted."""
+    room_bytes: ByteSize = Field(ByteSize(512 * 2**20), ge=0)
+    """What a new mission must find free, of the quota and on the disk [B]; otherwise it is refused."""
+    interval_s: float = Field(60.0, gt=0)
+    """How often that is looked after [s]; also when a mission ends and before one begins."""
+
+
+class LogSettings(StrictConfig):
+    style: LogStyle = LogStyle.CONSOLE
+    level: LogLevel = LogLevel.INFO
+
+
 class LimitSettings(StrictConfig):
     """How much one client may ask for. A client is a token, a session, or else an address."""
 
@@ -96,6 +117,8 @@ class AccessSettings(StrictConfig):
     """How long a browser stays logged in [s]."""
     trusted_proxies: tuple[str, ...] = ()
     """Addresses of proxies whose X-Forwarded headers are believed."""
+    open_metrics: bool = False
+    """Let programs on this machine read `/metrics` without a token."""
 
 
 class Settings(StrictConfig):
@@ -123,6 +146,8 @@ class Settings(StrictConfig):
     supervision: SupervisionSettings = SupervisionSettings()
     display: DisplaySettings = DisplaySettings()
     moments: MomentSettings = MomentSettings()
+    retention: RetentionSettings = RetentionSettings()
+    logs: LogSettings = LogSettings()
 
     @property
     def missions_dir(self) -> Path:
@@ -169,8 +194,50 @@ def settings_from_environment(
             token_file=Path(tokens).resolve() if tokens else None,
             allowed_hosts=_words(told.get("HGS_ALLOWED_HOSTS", "")),
             trusted_proxies=_words(told.get("HGS_TRUSTED_PROXIES", "")),
+            open_metrics=_yes(told, "HGS_OPEN_METRICS"),
         ),
+        retention=_retention(told),
+        logs=_logs(told),
     )
+
+
+def _retention(told: Mapping[str, str]) -> RetentionSettings:
+    given: dict[str, Any] = {}
+    for name, key in (
+        ("HGS_MAX_SIZE", "max_bytes"),
+        ("HGS_KEEP_MISSIONS", "keep_missions"),
+        ("HGS_ROOM", "room_bytes"),
+        ("HGS_MAX_AGE_DAYS", "max_age_s"),
+    ):
+        if name not in told:
+            continue
+        try:
+            value: Any = float(told[name]) * 86_400.0 if key == "max_age_s" else told[name]
+            given[key] = getattr(RetentionSettings.model_validate({key: value}), key)
+        except ValueError as error:  # pydantic's among them
+            raise ConfigError(
+                f"{name}={told[name]!r}: expected a number above 0"
+                + (", or a size as 200GB" if name in ("HGS_MAX_SIZE", "HGS_ROOM") else "")
+            ) from error
+    return RetentionSettings(**given)
+
+
+def _logs(told: Mapping[str, str]) -> LogSettings:
+    style, level = told.get("HGS_LOG_STYLE", LogStyle.CONSOLE), told.get("HGS_LOG_LEVEL", LogLevel.INFO)
+    try:
+        return LogSettings(style=LogStyle(style), level=LogLevel(level))
+    except ValueError as error:
+        raise ConfigError(
+            f"HGS_LOG_STYLE={style!s}, HGS_LOG_LEVEL={level!s}: expected one of {', '.join(LogStyle)}, "
+            f"and one of {', '.join(LogLevel)}"
+        ) from error
+
+
+def _yes(told: Mapping[str, str], name: str) -> bool:
+    word = told.get(name, "no").lower()
+    if word not in ("yes", "no", "true", "false", "1", "0"):
+        raise ConfigError(f"{name}={told[name]!r}: expected yes or no")
+    return word in ("yes", "true", "1")
 
 
 def _secret(told: Mapping[str, str], name: str) -> SecretStr | None:

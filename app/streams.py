@@ -19,9 +19,11 @@ QUIET_S: Final = 5.0
 class Streams:
     """Every open stream, so that all of them end when the service does."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, on_skipped: Callable[[int], None] = lambda _: None) -> None:
+        """`on_skipped` is told how many telemetry events a reader missed because it was slow."""
         self._ended = False
         self._readers: set[asyncio.Event] = set()
+        self._on_skipped = on_skipped
 
     @property
     def ended(self) -> bool:
@@ -32,6 +34,17 @@ class Streams:
         self._ended = True
         for changed in self._readers:
             changed.set()
+
+    async def pause(self, seconds: float) -> None:
+        """Wait so long, or until streams end."""
+        ended = asyncio.Event()
+        self._readers.add(ended)
+        try:
+            if not self._ended:
+                with anyio.move_on_after(seconds):
+                    await ended.wait()
+        finally:
+            self._readers.discard(ended)
 
     async def follow(
         self, mission: Mission, cursor: int, *, allowed: Callable[[], bool]
@@ -49,6 +62,7 @@ class Streams:
                 loop.call_soon_threadsafe(changed.set)
 
         log = await run_in_threadpool(lambda: mission.log)
+        up_to_date = False
         self._readers.add(changed)
         log.add_waker(wake)
         try:
@@ -57,6 +71,10 @@ class Streams:
                 events = log.live(cursor)
                 if events is None:
                     events = await run_in_threadpool(log.catch_up, cursor)
+                if events and up_to_date:
+                    # All that is not telemetry is there: what is missing among the numbers, is.
+                    self._on_skipped(events[-1]["sequence"] - cursor - len(events))
+                up_to_date = True
                 for event in events:
                     yield event
                     cursor = event["sequence"]

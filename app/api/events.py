@@ -13,8 +13,17 @@ from fastapi.responses import StreamingResponse
 from fastapi.sse import format_sse_event
 from starlette.concurrency import run_in_threadpool
 
-from app.deps import MissionDep, PrincipalDep, RulesDep, ServiceDep, StreamPlaceDep, StreamsDep
+from app.deps import (
+    MetricsDep,
+    MissionDep,
+    PrincipalDep,
+    RulesDep,
+    ServiceDep,
+    StreamPlaceDep,
+    StreamsDep,
+)
 from app.errors import NotFound
+from app.metrics import Metrics
 from app.openapi import problems
 from app.schemas import EventPage
 
@@ -57,6 +66,7 @@ async def stream_server_sent_events(
     mission: MissionDep,
     _place: StreamPlaceDep,
     streams: StreamsDep,
+    metrics: MetricsDep,
     rules: RulesDep,
     principal: PrincipalDep,
     after: Annotated[int, Query(ge=0, le=2**31 - 1, description="Only events with a higher number")] = 0,
@@ -73,19 +83,20 @@ async def stream_server_sent_events(
     events = streams.follow(mission, cursor, allowed=lambda: rules.holds(principal))
     # Not FastAPI's own EventSourceResponse: its queues raise when a reader leaves.
     return StreamingResponse(
-        _encoded(events), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
+        _encoded(events, metrics), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
     )
 
 
-async def _encoded(events: AsyncGenerator[dict[str, Any]]) -> AsyncIterator[bytes]:
+async def _encoded(events: AsyncGenerator[dict[str, Any]], metrics: Metrics) -> AsyncIterator[bytes]:
     async with contextlib.aclosing(events):
-        async for event in events:
-            number = event.get("sequence")
-            yield format_sse_event(
-                data_str=json.dumps(event, allow_nan=False),
-                id=str(number) if number is not None else None,
-                event="alive" if number is None else None,
-            )
+        with metrics.subscriber("sse"):
+            async for event in events:
+                number = event.get("sequence")
+                yield format_sse_event(
+                    data_str=json.dumps(event, allow_nan=False),
+                    id=str(number) if number is not None else None,
+                    event="alive" if number is None else None,
+                )
 
 
 @router.websocket("/{mission_id}/events")
@@ -94,6 +105,7 @@ async def stream_events(
     mission_id: str,
     service: ServiceDep,
     streams: StreamsDep,
+    metrics: MetricsDep,
     rules: RulesDep,
     principal: PrincipalDep,
 ) -> None:
@@ -119,7 +131,7 @@ async def stream_events(
             group.cancel_scope.cancel()
 
         group.start_soon(listen)
-        with contextlib.suppress(WebSocketDisconnect):
+        with contextlib.suppress(WebSocketDisconnect), metrics.subscriber("websocket"):
             events = streams.follow(mission, int(wish), allowed=lambda: rules.holds(principal))
             async with contextlib.aclosing(events):
                 async for event in events:

@@ -94,7 +94,7 @@ def list_missions(
     responses={
         201: {"headers": {"Location": {"schema": {"type": "string"}, "description": "Of the new mission"}}},
         200: {"model": MissionDetail, "description": "The mission that this Idempotency-Key made before"},
-        **problems(409),
+        **problems(409, 507),
     },
 )
 def create_mission(
@@ -129,7 +129,7 @@ def get_mission(mission: MissionDep) -> MissionDetail:
     "/{mission_id}/start",
     status_code=status.HTTP_202_ACCEPTED,
     operation_id="startMission",
-    responses=_Refusable,
+    responses={**_Refusable, **problems(507)},
 )
 def start_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
     """Launch the mission's process, or queue the mission when as many run as may at once."""
@@ -166,6 +166,20 @@ async def stop_mission(mission_id: MissionId, service: ServiceDep, threads: Stop
     """Stop; the mission then evaluates what it has and writes its results. Safe to repeat, in any state."""
     # Threads of its own: however many other requests wait for the database, STOP does not wait with them.
     return await to_thread.run_sync(lambda: detail(service.stop(mission_id)), limiter=threads)
+
+
+@router.put("/{mission_id}/pin", operation_id="pinMission", responses=problems(404))
+def pin_mission(mission: MissionDep, principal: PrincipalDep) -> MissionDetail:
+    """Keep the mission's files, whatever room other missions need."""
+    mission.pin(True, principal.name)
+    return detail(mission)
+
+
+@router.delete("/{mission_id}/pin", operation_id="unpinMission", responses=problems(404))
+def unpin_mission(mission: MissionDep, principal: PrincipalDep) -> MissionDetail:
+    """Let the mission's files go when their turn comes."""
+    mission.pin(False, principal.name)
+    return detail(mission)
 
 
 @router.get("/{mission_id}/metrics", operation_id="getMetrics", responses=problems(404))

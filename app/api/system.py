@@ -5,10 +5,20 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Response
 
-from app.deps import AuditDep, DatabaseDep, PrincipalDep, ScenesDep, SettingsDep
-from app.errors import Forbidden
+from app.deps import (
+    AuditDep,
+    DatabaseDep,
+    MetricsDep,
+    PrincipalDep,
+    ScenesDep,
+    ServiceDep,
+    SettingsDep,
+    SpaceDep,
+)
+from app.errors import Forbidden, Unavailable
+from app.metrics import CONTENT_TYPE
 from app.openapi import problems
 from app.schemas import AuditEntry, AuditPage, Health, SystemInfo
 from app.security.principal import Role
@@ -24,10 +34,33 @@ def get_health() -> Health:
 
 
 @health_router.get("/readyz", operation_id="getReadiness", responses=problems(503))
-def get_readiness(database: DatabaseDep) -> Health:
-    """Whether it can work: its database answers."""
+def get_readiness(
+    database: DatabaseDep, service: ServiceDep, space: SpaceDep, settings: SettingsDep
+) -> Health:
+    """Whether it can begin missions: its database can be written, the disk has room, it stays up."""
+    if service.closing:
+        raise Unavailable("the service shuts down")
     database.check()
+    free, wanted = space.disk().free, settings.retention.room_bytes
+    if free < wanted:
+        raise Unavailable(f"the disk is full: {free} bytes are free, a mission needs {wanted}")
     return Health()
+
+
+@health_router.get(
+    "/metrics",
+    operation_id="getServiceMetrics",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Prometheus' text format",
+            "content": {"text/plain": {"schema": {"type": "string"}}},
+        }
+    },
+)
+def get_service_metrics(metrics: MetricsDep) -> Response:
+    """What the service measures of itself, for Prometheus."""
+    return Response(metrics.text(), media_type=CONTENT_TYPE)
 
 
 @router.get("/system", operation_id="getSystem")

@@ -6,7 +6,6 @@ relayed: to the browser everything, to viser only what its reader's role allows.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 from collections.abc import Coroutine
@@ -24,7 +23,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from app.deps import MissionDep, PrincipalDep, RulesDep, ScenesDep, ServiceDep, StreamsDep
+from app.deps import MetricsDep, MissionDep, PrincipalDep, RulesDep, ScenesDep, ServiceDep, StreamsDep
 from app.errors import NotFound, Unavailable
 from app.security.principal import Role
 from app.viewer.server import proof_headers
@@ -66,6 +65,7 @@ async def relay_scene(
     service: ServiceDep,
     scenes: ScenesDep,
     streams: StreamsDep,
+    metrics: MetricsDep,
     rules: RulesDep,
     principal: PrincipalDep,
 ) -> None:
@@ -91,23 +91,24 @@ async def relay_scene(
             proxy=None,
         ) as inner:
             await websocket.accept(subprotocol=inner.subprotocol)
-            async with anyio.create_task_group() as group:
+            with metrics.subscriber("viewer"):
+                async with anyio.create_task_group() as group:
 
-                async def first_to_end(relay: Coroutine[Any, Any, None]) -> None:
-                    with contextlib.suppress(ConnectionClosed, WebSocketDisconnect):
-                        await relay
-                    group.cancel_scope.cancel()
+                    async def first_to_end(relay: Coroutine[Any, Any, None]) -> None:
+                        with contextlib.suppress(ConnectionClosed, WebSocketDisconnect):
+                            await relay
+                        group.cancel_scope.cancel()
 
-                async def until_it_may_no_longer() -> None:
-                    while rules.holds(principal) and not streams.ended:
-                        await asyncio.sleep(_CHECK_S)
+                    async def until_it_may_no_longer() -> None:
+                        while rules.holds(principal) and not streams.ended:
+                            await streams.pause(_CHECK_S)
 
-                for part in (
-                    _to_browser(inner, websocket),
-                    _to_viser(websocket, inner, ALLOWED[principal.role], principal.name),
-                    until_it_may_no_longer(),
-                ):
-                    group.start_soon(first_to_end, part)
+                    for part in (
+                        _to_browser(inner, websocket),
+                        _to_viser(websocket, inner, ALLOWED[principal.role], principal.name),
+                        until_it_may_no_longer(),
+                    ):
+                        group.start_soon(first_to_end, part)
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                 await websocket.close(code=1001)
     except (OSError, ConnectionClosed) as error:

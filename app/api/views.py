@@ -47,6 +47,8 @@ def _common(mission: Mission) -> dict[str, Any]:
         "queued_at": record.queued_at,
         "started_at": record.started_at,
         "ended_at": record.ended_at,
+        "pinned": record.pinned,
+        "files": record.files,
         "commands": commands_allowed(record.state),
         "silent_s": mission.silent_s,
     }

@@ -6,12 +6,12 @@ Only the standard library is imported before the thread caps are set: numerical 
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 import signal
 import sys
 import threading
 import time
-import traceback
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from app.missions.transport import ArraySlot, CommandReceiver, EventSender
     from hgs_core.mission.events import Command, MissionEvent, MissionView
 
+log = logging.getLogger(__name__)
+
+_OFTEN = frozenset({"telemetry", "plan"})
+_TOLD = frozenset({"time_s", "phase", "reason", "level", "message", "stop_reason"})
+"""What the log says of an event."""
+
 EXIT_FAILED = 1
 EXIT_ORPHANED = 3
 
@@ -30,6 +36,7 @@ EXIT_ORPHANED = 3
 class ChildTask:
     """Everything a mission process is told: plain data, so that it can be spawned."""
 
+    mission_id: str
     runner: str
     """`module:function` with the signature of `hgs_core.mission.run.run_mission`."""
     scene: str
@@ -41,6 +48,8 @@ class ChildTask:
     overrides: dict[str, str]
     threads: int
     log_file: str
+    log_style: str
+    log_level: str
     slot_name: str
     display_interval_s: float
     max_splats: int
@@ -55,8 +64,12 @@ def run_child(task: ChildTask, events: Connection, commands: Connection) -> None
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = str(task.threads)
 
+    from app.logs import LogLevel, LogStyle, configure_logging
     from app.missions.transport import ArraySlot, CommandReceiver, EventSender
 
+    configure_logging(
+        LogStyle(task.log_style), LogLevel(task.log_level), process="mission", mission=task.mission_id
+    )
     sender = EventSender(events)
     receiver = CommandReceiver(commands)
     _watch_parent(receiver, task.orphan_s)
@@ -90,7 +103,7 @@ def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: 
             commands=_Commands(receiver, sender),
         )
     except Exception as error:
-        traceback.print_exc()
+        log.exception("the mission failed")
         sender.send({"control": "failed", "error": type(error).__name__, "message": str(error)})
         return EXIT_FAILED
     sender.send({"control": "finished"})
@@ -111,6 +124,9 @@ class _Observer:
         from app.missions.transport import plain_json
 
         self._sender.send(plain_json(event.as_json()))
+        if event.kind not in _OFTEN:
+            told = {key: value for key, value in event.as_json().items() if key in _TOLD}
+            log.info("mission event: %s", event.kind, extra={"told": told})
 
     def wants_view(self) -> bool:
         return time.monotonic() >= self._next_view
@@ -127,7 +143,7 @@ class _Observer:
             # A picture that cannot be made must not end the mission: the operator is told, the robot goes on.
             self._view_failures += 1
             if self._view_failures in (1, 10, 100, 1000):
-                traceback.print_exc()
+                log.exception("the view could not be made")
                 message = f"the view could not be made ({self._view_failures}x): {error}"
                 self._sender.send(
                     {"kind": "notice", "time_s": view.time_s, "level": "warning", "message": message}

@@ -50,6 +50,11 @@ class EventLog:
     def last_sequence(self) -> int:
         return self._last
 
+    @property
+    def n_unsaved(self) -> int:
+        """Events that the database has not taken yet."""
+        return len(self._unsaved)
+
     def append(self, event: Event, record: MissionRecord | None = None) -> Event:
         """Number `event`, save it (and `record`, in the same transaction), and wake the readers.
 
@@ -141,9 +146,8 @@ class EventLog:
         try:
             self._store.save(self._unsaved, self._unsaved_record, self._mission_id)
         except StorageError as error:
-            log.error(
-                "mission %s: %d events wait to be saved: %s", self._mission_id, len(self._unsaved), error
-            )
+            waiting = len(self._unsaved)
+            log.error("%d events wait to be saved: %s", waiting, error, extra={"mission": self._mission_id})
             if len(self._unsaved) > BACKLOG:
                 self._unsaved = [event for event in self._unsaved if not _is_telemetry(event)]
         else:

@@ -18,11 +18,13 @@ from app.missions.pictures import Picture, load_view, picture_of, save_view
 from app.missions.states import COMMANDS, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
 from app.missions.top_view import top_view, top_view_facts
+from app.storage.database import StorageError
 from app.storage.missions import MissionStore
-from app.storage.tables import MissionRecord
+from app.storage.tables import FilesKept, MissionRecord
 
 log = logging.getLogger(__name__)
 
+_GIVEN_UP = {FilesKept.LIGHT: "large files", FilesKept.NONE: "files"}
 _PHASE_STATES = {
     "running": MissionState.RUNNING,
     "paused": MissionState.PAUSED,
@@ -230,6 +232,26 @@ class Mission:
             self._stop_reason = "interrupted"
             self._end(MissionState.FAILED, reason)
 
+    def pin(self, pinned: bool, by: str) -> None:
+        """Keep its files whatever room others need, or let them go with the others'."""
+        with self._lock:
+            if self._record.pinned is not pinned:
+                message = f"{by} pinned it: its files stay" if pinned else f"{by} unpinned it"
+                self._note(message, pinned=pinned)
+
+    def note_removal(self, kept: FilesKept, why: str) -> None:
+        """Write down that its files are about to go, but for `kept`."""
+        with self._lock:
+            self._note(f"its {_GIVEN_UP[kept]} are removed: {why}", files=kept)
+
+    def _note(self, message: str, **changes: Any) -> None:
+        record = self._record.model_copy(update=changes)
+        told = {"received_at": time.time(), "kind": "notice", "level": "info", "message": message}
+        self.log.append(told, record)
+        self._record = record
+        if self.log.n_unsaved:
+            raise StorageError(f"the database did not take what was noted of mission {self.id}")
+
     def _command(self, command: str) -> None:
         with self._lock:
             self._require(command)
@@ -263,7 +285,7 @@ class Mission:
         told = {"received_at": time.time(), "kind": "state", "state": str(state), "reason": reason}
         self.log.append(told, record)
         self._record = record
-        log.info("mission %s is %s: %s", self.id, state, reason)
+        log.info("the mission is %s: %s", state, reason, extra={"mission": self.id, "state": str(state)})
 
     def _end(self, state: MissionState, reason: str) -> None:
         sequence = self._keep_view()
@@ -283,7 +305,7 @@ class Mission:
         try:
             save_view(view, self._view_file)
         except OSError as error:  # a full disk must not keep a mission from ending
-            log.warning("mission %s: its last view could not be kept: %s", self.id, error)
+            log.warning("its last view could not be kept: %s", error, extra={"mission": self.id})
             return 0
         return sequence
 

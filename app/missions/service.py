@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from typing import Any
 
 from app.errors import Conflict, NotFound, Unavailable
 from app.missions.child import ChildTask
@@ -29,6 +30,8 @@ NOBODY = "anyone"
 """Who commands where no tokens are set."""
 
 ViewListener = Callable[[str, int, DisplayView], None]
+EventListener = Callable[[str, dict[str, Any]], None]
+EndListener = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +70,16 @@ class MissionService:
         self._lock = threading.RLock()
         self._unfinished: dict[str, Mission] = {}
         self._view_listeners: list[ViewListener] = []
+        self._event_listeners: list[EventListener] = []
+        self._end_listeners: list[EndListener] = []
+        self._drop_listeners: list[Callable[[int], None]] = []
+        self._make_room: Callable[[], None] = lambda: None
         self._closing = False
+
+    @property
+    def closing(self) -> bool:
+        """Whether it is shutting down: nothing new is begun."""
+        return self._closing
 
     def begin(self) -> None:
         """Take up what an earlier service left: what ran then has failed, what was queued is started."""
@@ -97,7 +109,11 @@ class MissionService:
     def create(
         self, order: MissionOrder, *, idempotency: Idempotency | None = None, created_by: str = NOBODY
     ) -> tuple[Mission, bool]:
-        """A new mission in `created`, and true; for a key seen before, its mission and false."""
+        """A new mission in `created`, and true; for a key seen before, its mission and false.
+
+        Raises `NoRoom` when it would find none on the disk.
+        """
+        self._make_room()
         with self._lock:
             known = self.replay(idempotency) if idempotency is not None else None
             if known is not None:
@@ -123,7 +139,10 @@ class MissionService:
             return mission, True
 
     def start(self, mission_id: str) -> Mission:
-        """Launch the mission, or queue it when as many run as may. Raises `Conflict` unless created."""
+        """Launch the mission, or queue it when as many run as may. Raises `Conflict` unless created, and
+        `NoRoom`.
+        """
+        self._make_room()
         with self._lock:
             mission = self.get(mission_id)
             if self._free_slots() > 0 and not self.queued():
@@ -176,6 +195,10 @@ class MissionService:
         records = self._store.page(limit, before=before, states=states)
         return [self._unfinished.get(record.id) or self._mission_of(record) for record in records]
 
+    def unfinished(self) -> list[Mission]:
+        """Missions that have not ended."""
+        return list(self._unfinished.values())
+
     def running(self) -> list[Mission]:
         """Missions that have a process, oldest first."""
         active = [mission for mission in tuple(self._unfinished.values()) if mission.state.active]
@@ -189,6 +212,22 @@ class MissionService:
     def add_view_listener(self, listener: ViewListener) -> None:
         """Call `listener(mission_id, sequence, view)` for every view, from the mission's thread; be quick."""
         self._view_listeners.append(listener)
+
+    def add_event_listener(self, listener: EventListener) -> None:
+        """Call `listener(mission_id, event)` for every event of a mission process; be quick."""
+        self._event_listeners.append(listener)
+
+    def add_end_listener(self, listener: EndListener) -> None:
+        """Call `listener(mission_id)` when a mission process has ended; be quick."""
+        self._end_listeners.append(listener)
+
+    def add_drop_listener(self, listener: Callable[[int], None]) -> None:
+        """Call `listener(number)` when a mission process had to drop telemetry; be quick."""
+        self._drop_listeners.append(listener)
+
+    def ask_for_room(self, make_room: Callable[[], None]) -> None:
+        """Before a mission is created or begins: `make_room` raises `NoRoom` when it would find none."""
+        self._make_room = make_room
 
     def shutdown(self) -> None:
         """Stop the running missions: politely, then by force. Queued ones wait for the next service."""
@@ -221,12 +260,12 @@ class MissionService:
                 try:
                     waiting[0].begin(self._launch)
                 except Conflict:
-                    log.info("mission %s was stopped before its turn", waiting[0].id)
+                    log.info("a mission was stopped before its turn", extra={"mission": waiting[0].id})
                 except Unavailable as error:
-                    log.error("mission %s: %s", waiting[0].id, error)  # it has ended as failed
+                    log.error("%s", error, extra={"mission": waiting[0].id})  # it has ended as failed
                 except Exception:
                     # Still queued, so nobody else's turn comes: the next that ends or comes tries again.
-                    log.exception("mission %s could not be started", waiting[0].id)
+                    log.exception("a mission could not be started", extra={"mission": waiting[0].id})
                     return
                 self._forget_if_ended(waiting[0])
 
@@ -235,9 +274,11 @@ class MissionService:
             self._unfinished.pop(mission.id, None)
 
     def _launch(self, mission: Mission) -> Supervisor:
+        self._make_room()
         record, display = mission.record, self._settings.display
         slot = ArraySlot.create(slot_bytes(display.max_splats, display.max_image_width))
         task = ChildTask(
+            mission_id=mission.id,
             runner=self._runner,
             scene=record.scene_source,
             preset=record.preset_source,
@@ -248,6 +289,8 @@ class MissionService:
             overrides=record.overrides,
             threads=self._settings.threads_per_mission,
             log_file=str(mission.log_file),
+            log_style=str(self._settings.logs.style),
+            log_level=str(self._settings.logs.level),
             slot_name=slot.name,
             display_interval_s=display.interval_s,
             max_splats=display.max_splats,
@@ -260,19 +303,31 @@ class MissionService:
             for listener in self._view_listeners:
                 listener(mission.id, sequence, view)
 
+        def on_event(event: dict[str, Any]) -> None:
+            mission.on_event(event)
+            for listener in self._event_listeners:
+                listener(mission.id, event)
+
         def on_end(outcome: Outcome) -> None:
             mission.on_end(outcome)
             self._forget_if_ended(mission)
+            for listener in self._end_listeners:
+                listener(mission.id)
             self._start_queued()
+
+        def on_dropped(number: int) -> None:
+            for listener in self._drop_listeners:
+                listener(number)
 
         try:
             return Supervisor(
                 task,
                 slot,
                 self._settings.supervision,
-                on_event=mission.on_event,
+                on_event=on_event,
                 on_view=on_view,
                 on_end=on_end,
+                on_dropped=on_dropped,
             )
         except Exception:
             slot.close()

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from structlog.contextvars import bind_contextvars
+
 from app.missions.child import EXIT_ORPHANED, ChildTask, run_child
 from app.missions.display import DisplayView
 from app.missions.transport import ArraySlot
@@ -51,12 +53,15 @@ class Supervisor:
         on_event: Callable[[dict[str, Any]], None],
         on_view: Callable[[int, DisplayView], None],
         on_end: Callable[[Outcome], None],
+        on_dropped: Callable[[int], None] = lambda _: None,
     ) -> None:
+        self._mission_id = task.mission_id
         self._limits = limits
         self._slot = slot
         self._on_event = on_event
         self._on_view = on_view
         self._on_end = on_end
+        self._on_dropped = on_dropped
         self._events, child_events = _SPAWN.Pipe(duplex=False)
         child_commands, self._commands = _SPAWN.Pipe(duplex=False)
         self._send_lock = threading.Lock()
@@ -107,6 +112,7 @@ class Supervisor:
         self._terminate(reason)
 
     def _run(self) -> None:
+        bind_contextvars(mission=self._mission_id)  # of this thread alone
         try:
             self._listen_to_the_end()
         except Exception as error:
@@ -149,6 +155,8 @@ class Supervisor:
             if found is not None:
                 sequence, arrays, meta = found
                 self._on_view(sequence, DisplayView.of(arrays, meta))
+        elif control == "dropped":
+            self._on_dropped(int(message["events"]))
         elif control == "stop_read":
             if self._forced is None:
                 self._expect(
@@ -175,7 +183,9 @@ class Supervisor:
 
     def _terminate(self, reason: str) -> None:
         self._forced = reason
-        log.warning("terminating the mission process %s: %s", self.pid, reason)
+        log.warning(
+            "terminating the mission process %s: %s", self.pid, reason, extra={"mission": self._mission_id}
+        )
         self._process.terminate()
         self._expect(self._limits.terminate_s, reason)
 

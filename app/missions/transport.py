@@ -126,7 +126,7 @@ class EventSender:
     """Sends events from a thread of its own, so that the mission's loop never waits for the service.
 
     At most `limit` events wait; when more come, the oldest telemetry goes first, and an event that is not
-    telemetry is never dropped.
+    telemetry is never dropped. How many were is told as soon as the service listens again.
     """
 
     def __init__(self, connection: Connection, *, limit: int = 512) -> None:
@@ -134,6 +134,7 @@ class EventSender:
         self._limit = limit
         self._waiting: deque[dict[str, Any]] = deque()
         self._changed = threading.Condition()
+        self._dropped = 0
         self._closing = False
         self._broken = False
         self._thread = threading.Thread(target=self._run, name="event-sender", daemon=True)
@@ -160,6 +161,7 @@ class EventSender:
         for position, event in enumerate(self._waiting):
             if event.get("kind") == "telemetry":
                 del self._waiting[position]
+                self._dropped += 1
                 return
 
     def _run(self) -> None:
@@ -168,7 +170,10 @@ class EventSender:
                 self._changed.wait_for(lambda: bool(self._waiting) or self._closing)
                 if not self._waiting:
                     return
-                event = self._waiting.popleft()
+                if self._dropped:
+                    event, self._dropped = {"control": "dropped", "events": self._dropped}, 0
+                else:
+                    event = self._waiting.popleft()
             try:
                 self._connection.send_bytes(json.dumps(event, allow_nan=False).encode())
             except OSError:  # the service has gone: the watcher of the parent ends this process

@@ -19,12 +19,14 @@ from app.errors import Forbidden, Unauthorized
 from app.security.principal import ANYONE, Principal, Proof, Role
 from app.security.sessions import SessionBook
 from app.security.tokens import TokenBook
+from app.settings import AccessSettings, is_loopback
 
 COOKIE: Final = "hgs_session"
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 SESSION_PATH: Final = "/api/v1/session"
 
-_CLOSED: Final = ("/api/", "/viewer/", "/openapi.json")
+METRICS_PATH: Final = "/metrics"
+_CLOSED: Final = ("/api/", "/viewer/", "/openapi.json", METRICS_PATH)
 """Everything else is the page's own code, which anybody may read, and the health of the service."""
 _LOCAL_NAMES: Final = frozenset({"localhost", "127.0.0.1", "::1"})
 
@@ -50,9 +52,12 @@ class HostList:
 
 
 class AccessRules:
-    def __init__(self, tokens: TokenBook, sessions: SessionBook) -> None:
+    def __init__(
+        self, tokens: TokenBook, sessions: SessionBook, settings: AccessSettings | None = None
+    ) -> None:
         self._tokens = tokens
         self._sessions = sessions
+        self._settings = settings or AccessSettings()
 
     @property
     def login_required(self) -> bool:
@@ -106,11 +111,18 @@ class AccessRules:
         path: str = scope["path"]
         if path == SESSION_PATH or not path.startswith(_CLOSED):
             return
+        if path == METRICS_PATH and self._settings.open_metrics and is_loopback(_peer(scope)):
+            return
         if principal is None:
             raise Unauthorized("show a token (Authorization: Bearer ...) or log in")
         changes = scope["type"] == "http" and scope["method"] not in SAFE_METHODS
         if changes and principal.role is not Role.OPERATOR:
             raise Forbidden(f"{principal.name} is a {principal.role}; this needs an operator")
+
+
+def _peer(scope: Scope) -> str:
+    client = scope.get("client")
+    return str(client[0]) if client else ""
 
 
 def _cookie(headers: Headers) -> str | None:

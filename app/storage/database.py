@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -42,8 +42,11 @@ class StorageError(Unavailable):
 class Database:
     """Safe to use from any thread."""
 
-    def __init__(self, url: str) -> None:
-        """`url` as SQLAlchemy takes it. Raises `ConfigError` for one that cannot be used."""
+    def __init__(self, url: str, *, on_error: Callable[[], None] = lambda: None) -> None:
+        """`url` as SQLAlchemy takes it. `on_error` is called for every transaction that fails.
+
+        Raises `ConfigError` for a database that cannot be used.
+        """
         try:
             parsed = make_url(url)
         except ArgumentError as error:
@@ -65,6 +68,7 @@ class Database:
             ) from error
         self._is_sqlite = parsed.get_backend_name() == "sqlite"
         self._claim: Connection | None = None
+        self._on_error = on_error
         if self._is_sqlite:
             event.listen(self._engine, "connect", _prepare_sqlite)
 
@@ -106,12 +110,19 @@ class Database:
         except IntegrityError:
             raise
         except DBAPIError as error:
+            self._on_error()
             raise StorageError(f"the database did not answer as it should: {_first_line(error)}") from error
 
     def check(self) -> None:
-        """Raises `StorageError` when it does not answer."""
+        """Raises `StorageError` when it does not answer, or cannot be written."""
         with self.transaction() as session:
-            session.connection().execute(text("SELECT 1"))
+            connection = session.connection()
+            if self._is_sqlite:
+                # The write lock, taken and let go: refused by a database that may only be read.
+                connection.exec_driver_sql("BEGIN IMMEDIATE")
+                connection.exec_driver_sql("ROLLBACK")
+            elif connection.execute(text("SHOW transaction_read_only")).scalar() == "on":
+                raise StorageError("the database can only be read: it is a standby, or set to that")
 
     def _claim_it(self) -> None:
         """Two services on one database would each call the other's missions lost. SQLite lies in the data

@@ -12,7 +12,7 @@ from sqlmodel import col, select
 from app.errors import Conflict
 from app.missions.states import MissionState
 from app.storage.database import Database
-from app.storage.tables import EventRow, MissionRecord, MissionRow
+from app.storage.tables import EventRow, FilesKept, MissionRecord, MissionRow
 
 Event = dict[str, Any]
 
@@ -61,6 +61,23 @@ class MissionStore:
         statement = select(MissionRow).where(col(MissionRow.state).in_(_UNFINISHED))
         with self._database.transaction() as session:
             rows = session.exec(statement.order_by(col(MissionRow.created_at), col(MissionRow.id))).all()
+            return [_record(row) for row in rows]
+
+    def count_by_state(self) -> dict[str, int]:
+        statement = select(MissionRow.state, func.count()).group_by(col(MissionRow.state))
+        with self._database.transaction() as session:
+            return {str(state): number for state, number in session.exec(statement).all()}
+
+    def removable(self, kept: FilesKept) -> list[MissionRecord]:
+        """Missions that have ended, are not pinned, and have more files than `kept`; the oldest end first."""
+        more = [FilesKept.ALL, FilesKept.LIGHT] if kept is FilesKept.NONE else [FilesKept.ALL]
+        statement = select(MissionRow).where(
+            col(MissionRow.state).not_in(_UNFINISHED),
+            col(MissionRow.pinned).is_(False),
+            col(MissionRow.files).in_(more),
+        )
+        with self._database.transaction() as session:
+            rows = session.exec(statement.order_by(col(MissionRow.ended_at), col(MissionRow.id))).all()
             return [_record(row) for row in rows]
 
     def page(

@@ -5,6 +5,7 @@ A record class says what is known; the table class of the same name adds only ho
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Any
 
 from sqlalchemy import JSON, BigInteger, Column, Integer, String, TypeDecorator, UniqueConstraint
@@ -38,6 +39,28 @@ class _ClockText(TypeDecorator[ClockKind]):
 
     def process_result_value(self, value: Any, dialect: Any) -> ClockKind | None:
         return None if value is None else ClockKind(value)
+
+
+class FilesKept(StrEnum):
+    """Which of a finished mission's files are left."""
+
+    ALL = "all"
+    LIGHT = "light"
+    """Reports and logs (`app.storage.space.LIGHT`)."""
+    NONE = "none"
+
+
+class _FilesText(TypeDecorator[FilesKept]):
+    """As its word."""
+
+    impl = String(16)
+    cache_ok = True
+
+    def process_bind_param(self, value: FilesKept | None, dialect: Any) -> str | None:
+        return None if value is None else str(value)
+
+    def process_result_value(self, value: Any, dialect: Any) -> FilesKept | None:
+        return None if value is None else FilesKept(value)
 
 
 class MissionRecord(SQLModel):
@@ -74,6 +97,9 @@ class MissionRecord(SQLModel):
     """The mission's own word for why it ended (`complete`, `interrupted`, ...)."""
     view_sequence: int = 0
     """Number of the last view, which is kept; 0 = none."""
+    pinned: bool = False
+    """Its files stay, whatever room others need."""
+    files: FilesKept = Field(default=FilesKept.ALL, sa_type=_FilesText)
 
 
 class MissionRow(MissionRecord, table=True):

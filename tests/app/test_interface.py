@@ -82,7 +82,8 @@ def test_operations_have_stable_names(description):
             *("getMetrics", "listEvents", "streamEvents", "getImage", "listResults", "getResult"),
             *("downloadResults", "getTopView", "getTopViewImage"),
             *("listMoments", "getMoment", "getMomentTopView", "getMomentImage"),
-            *("getSystem", "listAudit", "getHealth", "getReadiness"),
+            *("pinMission", "unpinMission"),
+            *("getSystem", "listAudit", "getHealth", "getReadiness", "getServiceMetrics"),
         ]
     )
 
