@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 from limits import parse
 from pydantic import AfterValidator, ByteSize, Field, SecretStr
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError
 
 from app.logs import LogLevel, LogStyle
 from app.missions.moments import MomentSettings
@@ -184,7 +186,7 @@ def settings_from_environment(
         host=host,
         port=port,
         data_dir=data_dir.expanduser().resolve(),
-        database_url=_secret(told, "HGS_DATABASE_URL"),
+        database_url=_database_url(told),
         demo=demo,
         missions_at_once=missions_at_once,
         scenes_dir=Path(scenes).resolve() if scenes else None,
@@ -241,7 +243,31 @@ def _yes(told: Mapping[str, str], name: str) -> bool:
 
 
 def _secret(told: Mapping[str, str], name: str) -> SecretStr | None:
-    return SecretStr(told[name]) if name in told else None
+    """What the variable says, or the file that `NAME_FILE` names, as container engines hand out secrets."""
+    place = told.get(f"{name}_FILE")
+    if place is None:
+        return SecretStr(told[name]) if name in told else None
+    if name in told:
+        raise ConfigError(f"{name} and {name}_FILE are both set: which one is meant?")
+    try:
+        content = Path(place).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{name}_FILE={place!r} cannot be read: {error}") from error
+    if not content:
+        raise ConfigError(f"{name}_FILE={place!r} is empty")
+    return SecretStr(content)
+
+
+def _database_url(told: Mapping[str, str]) -> SecretStr | None:
+    """With the password in its place, where it comes by itself."""
+    url, password = _secret(told, "HGS_DATABASE_URL"), _secret(told, "HGS_DATABASE_PASSWORD")
+    if url is None or password is None:
+        return url
+    try:
+        parsed = make_url(url.get_secret_value()).set(password=password.get_secret_value())
+    except ArgumentError as error:
+        raise ConfigError("HGS_DATABASE_URL is not a URL: expected postgresql://USER@HOST/NAME") from error
+    return SecretStr(parsed.render_as_string(hide_password=False))
 
 
 def _words(text: str) -> tuple[str, ...]:
