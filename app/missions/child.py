@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -154,12 +155,19 @@ class _Observer:
 
 
 class _Commands:
-    """A `CommandSource` that tells the service when STOP has been read."""
+    """`PromptCommands` that tell the service when STOP has been read."""
 
     def __init__(self, receiver: CommandReceiver, sender: EventSender) -> None:
         self._receiver = receiver
         self._sender = sender
         self._told = False
+
+    def on_stop(self, react: Callable[[], None]) -> None:
+        def wait() -> None:
+            if self._receiver.wait_for_stop():
+                react()
+
+        threading.Thread(target=wait, name="stop-watcher", daemon=True).start()
 
     def poll(self) -> Command | None:
         from hgs_core.mission.events import Command

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import struct
@@ -26,6 +27,7 @@ from app.errors import ServiceError
 _LATEST: Final = struct.Struct("<Q")
 _GUARD: Final = struct.Struct("<QQQI")
 """Of each buffer: sequence when writing began, sequence when it ended, payload bytes, CRC-32."""
+_LOOK_S: Final = 0.5
 _HEAD: Final = 64
 _ALIGN: Final = 16
 
@@ -194,11 +196,22 @@ class CommandReceiver:
         self._lock = threading.Lock()
         self._stop_wanted = False
         self._stop_handed_out = False
+        self._gone = False
 
     def stop_now(self) -> None:
         """Let the next `poll` return stop, whatever the pipe holds."""
         with self._lock:
             self._stop_wanted = True
+
+    def wait_for_stop(self) -> bool:
+        """Wait until STOP comes, whether or not anybody polls meanwhile; false when none can come."""
+        while True:
+            with self._lock:
+                self._receive()
+                if self._stop_wanted or self._gone:
+                    return self._stop_wanted
+            with contextlib.suppress(OSError):
+                self._connection.poll(_LOOK_S)
 
     def poll(self) -> str | None:
         with self._lock:
@@ -215,6 +228,7 @@ class CommandReceiver:
             while not self._stop_wanted and self._connection.poll(0):
                 self._waiting.append(self._connection.recv_bytes().decode())
         except (EOFError, OSError):  # the service has gone
+            self._gone = True
             self._stop_wanted = True
         self._stop_wanted |= "stop" in self._waiting
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, runtime_checkable
@@ -127,6 +128,18 @@ class Resumed(MissionEvent):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Halted(MissionEvent):
+    """The robot was told to stand by STOP, and does. The mission's end follows when the loop comes to it."""
+
+    kind: ClassVar[str] = "halted"
+    at_s: float
+    """Unix time [s] at which it stood."""
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class MissionEnded(MissionEvent):
     kind: ClassVar[str] = "ended"
     stop_reason: StopReason
@@ -174,6 +187,16 @@ class CommandSource(Protocol):
     """Operator commands, polled between iterations of the loop's steps."""
 
     def poll(self) -> Command | None: ...
+
+
+@runtime_checkable
+class PromptCommands(CommandSource, Protocol):
+    """A `CommandSource` that tells of STOP at once, whatever the loop is busy with."""
+
+    def on_stop(self, react: Callable[[], None]) -> None:
+        """Call `react`, once, from another thread than the loop's, as soon as STOP comes; `poll` tells of it
+        as well."""
+        ...
 
 
 def rgb_to_uint8(rgb: Float32[ndarray, "h w 3"]) -> UInt8[ndarray, "h w 3"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import threading
 from pathlib import Path
 from typing import IO, Any
 
@@ -45,15 +46,19 @@ class RunFolder:
 
 
 class EventLog:
-    """Writes every event as one JSON line and passes it on."""
+    """Writes every event as one JSON line and passes it on. Safe to use from any thread."""
 
     def __init__(self, path: Path, then: MissionObserver) -> None:
         self._file: IO[str] = path.open("w", encoding="utf-8")
         self._then = then
+        self._writing = threading.Lock()
 
     def on_event(self, event: MissionEvent) -> None:
-        self._file.write(json.dumps(_finite(event.as_json()), separators=(",", ":")) + "\n")
-        self._file.flush()
+        line = json.dumps(_finite(event.as_json()), separators=(",", ":")) + "\n"
+        with self._writing:
+            if not self._file.closed:  # STOP may come while the last words are said
+                self._file.write(line)
+                self._file.flush()
         self._then.on_event(event)
 
     def wants_view(self) -> bool:
@@ -63,7 +68,8 @@ class EventLog:
         self._then.on_view(view)
 
     def close(self) -> None:
-        self._file.close()
+        with self._writing:
+            self._file.close()
 
 
 def _finite(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,12 +20,14 @@ from hgs_core.mission.config import MissionLimits
 from hgs_core.mission.events import (
     Command,
     CommandSource,
+    Halted,
     MissionEnded,
     MissionObserver,
     MissionPhase,
     MissionView,
     PhaseChanged,
     PlanMade,
+    PromptCommands,
     StopReason,
     Telemetry,
     rgb_to_uint8,
@@ -80,6 +83,10 @@ class Mission:
         self._missing_volume_m3 = 0.0
         self._pose_at_plan = (np.inf, np.inf, np.inf)
         self._began_s = time.perf_counter()
+        self._steering = threading.Lock()
+        self._halted = False
+        if isinstance(commands, PromptCommands):
+            commands.on_stop(self.halt)
 
     def run(self, *, between_frames: Callable[[], None] = lambda: None) -> MissionRecord:
         """Explore until done, from the start or from what was restored. Returns the record; one without a
@@ -114,6 +121,24 @@ class Mission:
         self._report_progress(frame, report)
         if self.record.stop_reason is None:
             self._go_on_to_next_frame()
+
+    def halt(self) -> None:
+        """Let the robot stand, for good. From any thread: what the loop is busy with (a frame that is taken
+        in, a plan that is made) is not waited for, and nothing that it does afterwards moves the robot.
+        """
+        with self._steering:
+            self._halted = True
+            self._robot.stop()
+            state = self._robot.state
+        self._observer.on_event(
+            Halted(
+                time_s=state.timestamp_s,
+                at_s=time.time(),
+                x_m=state.x_m,
+                y_m=state.y_m,
+                yaw_rad=state.yaw_rad,
+            )
+        )
 
     def state(self) -> dict[str, Any]:
         """Everything that later frames and the report depend on, but what lies behind the seams `Robot`,
@@ -161,7 +186,7 @@ class Mission:
             return
         self._began = True
         self._announce(MissionPhase.RUNNING, "looking around")
-        self._robot.follow(self._first_look())
+        self._follow(self._first_look())
 
     def _first_look(self) -> Path:
         """A full turn on the spot: a level camera knows nothing of what is behind it."""
@@ -203,6 +228,11 @@ class Mission:
         self.record.frames_dropped += due.dropped
         self._live_through(due.after_s)
 
+    def _follow(self, path: Path) -> None:
+        with self._steering:
+            if not self._halted:
+                self._robot.follow(path)
+
     def _live_through(self, duration_s: float) -> None:
         """The robot goes on with what it does for so much mission time."""
         if duration_s > 0:
@@ -226,7 +256,7 @@ class Mission:
         self._plan = answer
         self._live_through(self._clock.elapsed_s(nominal_s=self._limits.planning_time_s))
         # The robot waits at the view until a frame has seen what was to be seen there, and the next plan.
-        self._robot.follow(answer.path.to_first_view())
+        self._follow(answer.path.to_first_view())
         self._report_plan(answer, reason)
 
     def _why_plan(self) -> str | None:

@@ -48,8 +48,14 @@ def test_a_real_mission_is_started_watched_stopped_and_reported(tmp_path):
             assert frames[-1]["observed_volume_m3"] > frames[0]["observed_volume_m3"] * 0.99
             assert frames[-1]["collisions"] == 0
             assert client.post(f"{path}/stop").status_code == 202
+            halted = None
             while event.get("kind") != "ended":
                 event = events.receive_json()
+                halted = event if event["kind"] == "halted" else halted
+            # The robot stood before the loop had come to its end.
+            assert halted is not None
+            assert halted["sequence"] < event["sequence"]
+            assert halted["at_s"] <= event["received_at"]
             assert event["stop_reason"] == "interrupted"
         wait_for(client, mission, "aborted")
         for kind in ("observed", "rendered", "depth", "quality"):

@@ -163,3 +163,27 @@ def test_plain_json_has_no_numbers_that_json_cannot_say():
     }
     assert plain_json(value) == {"nan": None, "inf": None, "ok": 3, "rows": [1.5, [True]]}
     json.dumps(plain_json(value), allow_nan=False)
+
+
+def test_stop_is_noticed_by_who_waits_for_it_and_still_handed_out_to_who_polls():
+    reader, writer = multiprocessing.Pipe(duplex=False)
+    receiver = CommandReceiver(reader)
+    noticed = []
+    waiter = threading.Thread(target=lambda: noticed.append(receiver.wait_for_stop()), daemon=True)
+    waiter.start()
+    writer.send_bytes(b"pause")
+    writer.send_bytes(b"stop")
+    waiter.join(30)
+    assert noticed == [True]
+    assert receiver.poll() == "stop"
+    assert receiver.poll() is None
+
+
+def test_who_waits_for_stop_is_not_left_waiting_when_the_service_goes():
+    reader, writer = multiprocessing.Pipe(duplex=False)
+    receiver = CommandReceiver(reader)
+    waiter = threading.Thread(target=receiver.wait_for_stop, daemon=True)
+    waiter.start()
+    writer.close()
+    waiter.join(30)
+    assert not waiter.is_alive()
