@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import Conflict, Invalid, NotFound
+from app.missions.directives import without_directives
 from app.missions.service import MissionOrder
 from app.schemas import MissionCreate, PresetEntry, PresetSave, PresetSettings, SceneEntry
 from app.storage.presets import PresetStore
@@ -110,9 +111,14 @@ class Catalogue:
                 errors.append(_unknown("preset", base, [entry.name for entry in self.presets()]))
             else:
                 base, overrides = saved.base, {**saved.overrides, **overrides}
+        directives = wish.directives
         if base in preset_names("mission"):
-            errors += _refused_overrides(base, overrides)
-        if errors or source is None:
+            try:
+                config = resolve_mission_config(base, overrides)
+                directives = config.directives if directives is None else directives
+            except ConfigError as error:
+                errors += _refused(overrides, error)
+        if errors or source is None or directives is None:
             raise _refusal(errors)
         return MissionOrder(
             scene=wish.scene,
@@ -122,7 +128,8 @@ class Catalogue:
             seed=wish.seed,
             max_time_s=wish.max_time_s,
             clock=wish.clock,
-            overrides=overrides,
+            overrides=without_directives(overrides),
+            directives=directives,
         )
 
     def _source(self, scene: str) -> str | None:
@@ -200,17 +207,21 @@ def _refused_overrides(preset: str, overrides: Mapping[str, str]) -> list[dict[s
     try:
         resolve_mission_config(preset, dict(overrides))
     except ConfigError as error:
-        if not error.faults:
-            return [{"field": "overrides", "value": dict(overrides), "message": str(error)}]
-        return [
-            {
-                "field": f"overrides.{fault.field}",
-                "value": overrides.get(fault.field),
-                "message": f"{fault.field} = {fault.value!r}: {fault.message}"[:500],
-            }
-            for fault in error.faults
-        ]
+        return _refused(overrides, error)
     return []
+
+
+def _refused(overrides: Mapping[str, str], error: ConfigError) -> list[dict[str, Any]]:
+    if not error.faults:
+        return [{"field": "overrides", "value": dict(overrides), "message": str(error)}]
+    return [
+        {
+            "field": f"overrides.{fault.field}",
+            "value": overrides.get(fault.field),
+            "message": f"{fault.field} = {fault.value!r}: {fault.message}"[:500],
+        }
+        for fault in error.faults
+    ]
 
 
 def time_limit_s(preset_source: str, overrides: Mapping[str, str]) -> float:

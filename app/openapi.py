@@ -56,7 +56,13 @@ def install_openapi(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = _described(
-                get_openapi(title=app.title, version=app.version, description=_DESCRIPTION, routes=app.routes)
+                get_openapi(
+                    title=app.title,
+                    version=app.version,
+                    description=_DESCRIPTION,
+                    routes=app.routes,
+                    separate_input_output_schemas=False,
+                )
             )
         return app.openapi_schema
 

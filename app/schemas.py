@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from app.missions.display import IMAGE_KINDS
 from app.missions.states import MissionState
 from app.security.principal import Role
 from app.storage.tables import FilesKept
 from hgs_core.mission.clock import ClockKind
+from hgs_core.planning.directives import Directives
 
 PresetName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 OverrideKey = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_.]{0,99}$")]
@@ -43,6 +44,43 @@ class MissionCreate(ApiModel):
     """`lockstep`: repeatable; `real`: mapper and planner must keep up with the robot. None: the preset's."""
     overrides: Overrides = Field(default_factory=dict)
     """Settings that differ from the preset, `key.path = value`."""
+    directives: Directives | None = None
+    """What is asked of the mission from its beginning; none: what the preset and the overrides ask."""
+
+
+class Viewpoint(ApiModel):
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+
+class ApprovalRequest(ApiModel):
+    """A view that waits for the operator's word."""
+
+    plan_sequence: int
+    """The plan that wants to drive there: its number within the mission."""
+    view: Viewpoint
+    sequence: int
+    """Number of the event that told of it."""
+    time_s: float
+    """Mission time since which the robot waits [s]."""
+
+
+class ApprovalDecision(ApiModel):
+    """The operator's word on the view that waits."""
+
+    plan_sequence: int = Field(ge=1, le=2**31 - 1, strict=True, examples=[12])
+    """The plan that is meant."""
+    decision: Literal["approve", "reject"] = Field(examples=["approve"])
+    """A rejected view, and its like, is not proposed again unless its surroundings change."""
+    candidate: int | None = Field(None, ge=0, le=2**31 - 1, strict=True, examples=[3])
+    """With `approve`: drive to this one of the plan's candidates instead, counted from 0."""
+
+    @model_validator(mode="after")
+    def _only_approval_chooses(self) -> Self:
+        if self.candidate is not None and self.decision == "reject":
+            raise ValueError("a candidate goes with approve alone")
+        return self
 
 
 class MissionFigures(ApiModel):
@@ -90,7 +128,8 @@ class MissionSummary(ApiModel):
     reason: str
     """Why it is in this state, in words."""
     phase: str | None
-    """The mission's own word for what it does: preparing, running, paused, evaluating, ended."""
+    """The mission's own word for what it does: preparing, running, paused, awaiting_approval,
+    returning (to its start), evaluating, ended."""
     stop_reason: str | None
     created_at: float
     """Unix time [s]."""
@@ -109,6 +148,10 @@ class MissionSummary(ApiModel):
 
 class MissionDetail(MissionSummary):
     figures: MissionFigures | None
+    directives: Directives
+    """What is asked of the mission; a mission that runs takes it at its next step."""
+    approval: ApprovalRequest | None
+    """The view that waits for the operator's word, if one does."""
     plan: dict[str, Any] | None
     """The newest `plan` event, candidates included."""
     time_limit_s: float

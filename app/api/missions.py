@@ -22,7 +22,9 @@ from app.missions.mission import Mission
 from app.missions.service import Idempotency
 from app.missions.states import MissionState
 from app.openapi import problems
-from app.schemas import MetricsPage, MissionCreate, MissionDetail, MissionList
+from app.schemas import ApprovalDecision, MetricsPage, MissionCreate, MissionDetail, MissionList
+from hgs_core.mission.commands import Decide
+from hgs_core.planning.directives import Directives
 
 router = APIRouter(prefix="/missions", tags=["missions"])
 
@@ -180,6 +182,38 @@ def unpin_mission(mission: MissionDep, principal: PrincipalDep) -> MissionDetail
     """Let the mission's files go when their turn comes."""
     mission.pin(False, principal.name)
     return detail(mission)
+
+
+@router.get("/{mission_id}/directives", operation_id="getDirectives", responses=problems(404))
+def get_directives(mission: MissionDep) -> Directives:
+    """What is asked of the mission: region of interest, no-go areas, budgets, approval of views."""
+    return mission.directives
+
+
+@router.put("/{mission_id}/directives", operation_id="putDirectives", responses=_Refusable)
+def put_directives(mission_id: MissionId, wish: Directives, service: ServiceDep) -> Directives:
+    """Ask this of the mission from now on, in place of all that was asked before.
+
+    A mission that runs takes it at its next step and tells so by an event `directives`, and by a `notice` of
+    what cannot be kept.
+    """
+    return service.direct(mission_id, wish).directives
+
+
+@router.post(
+    "/{mission_id}/approval",
+    status_code=status.HTTP_202_ACCEPTED,
+    operation_id="decideApproval",
+    responses=_Refusable,
+)
+def decide_approval(mission_id: MissionId, wish: ApprovalDecision, service: ServiceDep) -> MissionDetail:
+    """Let the robot drive to the view that waits, or to another candidate of the plan, or reject it."""
+    decision = Decide(
+        plan_sequence=wish.plan_sequence,
+        approved=wish.decision == "approve",
+        candidate=wish.candidate,
+    )
+    return detail(service.decide(mission_id, decision))
 
 
 @router.get("/{mission_id}/metrics", operation_id="getMetrics", responses=problems(404))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from app.catalogue import time_limit_s
+from app.missions.directives import without_directives
 from app.missions.mission import Mission
 from app.missions.moments import Moment
 from app.missions.states import commands_allowed
-from app.schemas import MissionDetail, MissionFigures, MissionSummary, MomentEntry
+from app.schemas import ApprovalRequest, MissionDetail, MissionFigures, MissionSummary, MomentEntry
 
 
 def summary(mission: Mission) -> MissionSummary:
@@ -20,6 +21,8 @@ def detail(mission: Mission) -> MissionDetail:
     return MissionDetail(
         **_common(mission),
         figures=figures(newest),
+        directives=mission.directives,
+        approval=_approval(mission.approval),
         plan=mission.log.newest("plan"),
         time_limit_s=mission.record.max_time_s
         or time_limit_s(mission.record.preset_source, mission.record.overrides),
@@ -37,7 +40,7 @@ def _common(mission: Mission) -> dict[str, Any]:
         "seed": record.seed,
         "max_time_s": record.max_time_s,
         "clock": record.clock,
-        "overrides": record.overrides,
+        "overrides": without_directives(record.overrides),
         "state": record.state,
         "reason": record.reason,
         "phase": mission.phase,
@@ -52,6 +55,12 @@ def _common(mission: Mission) -> dict[str, Any]:
         "commands": commands_allowed(record.state),
         "silent_s": mission.silent_s,
     }
+
+
+def _approval(event: dict[str, Any] | None) -> ApprovalRequest | None:
+    if event is None:
+        return None
+    return ApprovalRequest(**{name: event[name] for name in ApprovalRequest.model_fields})
 
 
 def moment_entry(moment: Moment) -> MomentEntry:

@@ -15,7 +15,7 @@ class ExitCode(IntEnum):
     USAGE = 2
     """An option, preset, scene or file is not what it should be; nothing was run."""
     UNFINISHED = 3
-    """The mission ended before all was seen: time limit, or stuck."""
+    """The mission ended before all was seen: time limit, path budget, or stuck."""
     FAILED = 4
     """The mission failed on its way, or a file could not be written."""
     INTERRUPTED = 130
@@ -26,6 +26,7 @@ _OF_STOP_REASON: Final = {
     StopReason.COMPLETE: ExitCode.COMPLETE,
     StopReason.TIME_LIMIT: ExitCode.UNFINISHED,
     StopReason.STUCK: ExitCode.UNFINISHED,
+    StopReason.PATH_BUDGET: ExitCode.UNFINISHED,
     StopReason.FAILED: ExitCode.FAILED,
     StopReason.INTERRUPTED: ExitCode.INTERRUPTED,
 }

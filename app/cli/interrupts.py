@@ -9,7 +9,7 @@ from queue import SimpleQueue
 from types import FrameType, TracebackType
 from typing import Any, Final, Self
 
-from hgs_core.mission.events import Command
+from hgs_core.mission.commands import Command
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from app.missions.transport import ArraySlot, CommandReceiver, EventSender
-    from hgs_core.mission.events import Command, MissionEvent, MissionView
+    from hgs_core.mission.commands import Order
+    from hgs_core.mission.events import MissionEvent, MissionView
 
 log = logging.getLogger(__name__)
 
@@ -169,14 +170,14 @@ class _Commands:
 
         threading.Thread(target=wait, name="stop-watcher", daemon=True).start()
 
-    def poll(self) -> Command | None:
-        from hgs_core.mission.events import Command
+    def poll(self) -> Order | None:
+        from hgs_core.mission.commands import order_of
 
-        word = self._receiver.poll()
-        if word == "stop" and not self._told:
+        text = self._receiver.poll()
+        if text == "stop" and not self._told:
             self._told = True
             self._sender.send({"control": "stop_read"})
-        return Command(word) if word is not None else None
+        return order_of(text) if text is not None else None
 
 
 def _watch_parent(receiver: CommandReceiver, orphan_s: float) -> None:

@@ -13,7 +13,7 @@ from numpy import ndarray
 DISPLAY_SCHEMA_VERSION: Final = 2
 
 SUBSPACE_STATES: Final = ("reconstructed", "reconstructing", "unreconstructed")
-CANDIDATE_STATUSES: Final = ("selected", "below_threshold", "unreachable", "crossing")
+CANDIDATE_STATUSES: Final = ("selected", "below_threshold", "unreachable", "crossing", "outranked")
 IMAGE_KINDS: Final = ("observed", "rendered", "depth", "quality")
 
 

@@ -10,23 +10,28 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.errors import Conflict, Unavailable
+from app.errors import Conflict, Invalid, Unavailable
+from app.missions.directives import directives_of, with_directives
 from app.missions.display import DisplayView
 from app.missions.event_log import EventLog
 from app.missions.moments import MomentArchive
 from app.missions.pictures import Picture, load_view, picture_of, save_view
-from app.missions.states import COMMANDS, TRANSITIONS, MissionState
+from app.missions.states import COMMANDS, DIRECTABLE, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
 from app.missions.top_view import top_view, top_view_facts
 from app.storage.database import StorageError
 from app.storage.missions import MissionStore
 from app.storage.tables import FilesKept, MissionRecord
+from hgs_core.mission.commands import Decide, Direct, as_text
+from hgs_core.planning.directives import Directives
 
 log = logging.getLogger(__name__)
 
 _GIVEN_UP = {FilesKept.LIGHT: "large files", FilesKept.NONE: "files"}
 _PHASE_STATES = {
     "running": MissionState.RUNNING,
+    "awaiting_approval": MissionState.RUNNING,
+    "returning": MissionState.RUNNING,
     "paused": MissionState.PAUSED,
     "evaluating": MissionState.STOPPING,
 }
@@ -139,6 +144,17 @@ class Mission:
         heard = self._heard_at
         return time.monotonic() - heard if heard is not None and self.state.active else None
 
+    @property
+    def directives(self) -> Directives:
+        """What is asked of it now; a mission that runs takes it at its next step."""
+        return directives_of(self._record.overrides)
+
+    @property
+    def approval(self) -> dict[str, Any] | None:
+        """The `approval` event of the view that waits for the operator's word; None when none does."""
+        event = self.log.newest("approval") if self.state.active else None
+        return event if event is not None and event["state"] == "waiting" else None
+
     def enqueue(self, reason: str) -> None:
         """Go from created to queued. Raises `Conflict` in another state."""
         with self._lock:
@@ -165,6 +181,45 @@ class Mission:
 
     def resume(self) -> None:
         self._command("resume")
+
+    def direct(self, directives: Directives) -> None:
+        """Ask for `directives` from now on, whole. Raises `Conflict` when it is about to end or has ended."""
+        with self._lock:
+            self._require("direct", DIRECTABLE)
+            overrides = with_directives(self._record.overrides, directives)
+            record = self._record.model_copy(update={"overrides": overrides})
+            if self._supervisor is not None:
+                self._store.save([], record, self.id)
+                self._supervisor.send(as_text(Direct(directives=directives)))
+            else:
+                told = {"kind": "directives", "directives": directives.model_dump(mode="json")}
+                self.log.append({"received_at": time.time(), **told}, record)
+            self._record = record
+
+    def decide(self, decision: Decide) -> None:
+        """Pass on the operator's word. Raises `Conflict` unless the view of that plan waits for it, and
+        `Invalid` for a candidate that the plan does not have."""
+        with self._lock:
+            waiting = self.approval
+            if waiting is None or waiting["plan_sequence"] != decision.plan_sequence:
+                now = "none does" if waiting is None else f"one of plan {waiting['plan_sequence']} does"
+                raise Conflict(
+                    f"no view of plan {decision.plan_sequence} of mission {self.id} awaits approval: {now}",
+                    errors=[{"field": "plan_sequence", "value": decision.plan_sequence}],
+                )
+            if decision.candidate is not None:
+                self._require_candidate(decision.candidate)
+            assert self._supervisor is not None
+            self._supervisor.send(as_text(decision))
+
+    def _require_candidate(self, index: int) -> None:
+        plan = self.log.newest("plan") or {}
+        n_candidates = len(plan.get("candidates", ()))
+        if index >= n_candidates:
+            raise Invalid(
+                f"candidate {index} is not known: the plan has {n_candidates}, counted from 0",
+                errors=[{"field": "candidate", "value": index, "allowed": f"0 to {n_candidates - 1}"}],
+            )
 
     def stop(self, reason: str = "stopped by the operator") -> None:
         """Stop, in any state; a mission that has ended or is stopping stays as it is."""
@@ -261,8 +316,8 @@ class Mission:
             assert self._supervisor is not None
             self._supervisor.send(command)
 
-    def _require(self, command: str) -> None:
-        allowed = COMMANDS[command]
+    def _require(self, command: str, allowed: frozenset[MissionState] | None = None) -> None:
+        allowed = COMMANDS[command] if allowed is None else allowed
         if self.state not in allowed:
             raise Conflict(
                 f"cannot {command} mission {self.id}: it is {self.state} ({self.record.reason}); "
@@ -273,14 +328,17 @@ class Mission:
     def _follow_phase(self, phase: str, reason: str) -> None:
         self._phase = phase
         state = _PHASE_STATES.get(phase)
-        if state is None or state is self.state or state not in TRANSITIONS[self.state]:
+        if state is None or (state is not self.state and state not in TRANSITIONS[self.state]):
             return
         self._requested = None
-        self._change(state, reason or phase)
+        self._tell(state, reason or phase)
 
     def _change(self, state: MissionState, reason: str, **changes: Any) -> None:
         if state not in TRANSITIONS[self.state]:
             raise Conflict(f"mission {self.id} cannot go from {self.state} to {state}")
+        self._tell(state, reason, **changes)
+
+    def _tell(self, state: MissionState, reason: str, **changes: Any) -> None:
         record = self._record.model_copy(update={"state": state, "reason": reason, **changes})
         told = {"received_at": time.time(), "kind": "state", "state": str(state), "reason": reason}
         self.log.append(told, record)

@@ -12,6 +12,7 @@ from typing import Any
 
 from app.errors import Conflict, NotFound, Unavailable
 from app.missions.child import ChildTask
+from app.missions.directives import with_directives
 from app.missions.display import DisplayView, slot_bytes
 from app.missions.mission import Mission
 from app.missions.moments import MomentArchive
@@ -22,6 +23,8 @@ from app.settings import Settings
 from app.storage.missions import MissionStore
 from app.storage.tables import MissionRecord
 from hgs_core.mission.clock import ClockKind
+from hgs_core.mission.commands import Decide
+from hgs_core.planning.directives import Directives
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +49,8 @@ class MissionOrder:
     max_time_s: float | None
     clock: ClockKind | None = None
     overrides: dict[str, str] = field(default_factory=dict)
+    directives: Directives = Directives()
+    """As ordered, or else the preset's; `overrides` have none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +132,7 @@ class MissionService:
                 seed=order.seed,
                 max_time_s=order.max_time_s,
                 clock=order.clock,
-                overrides=order.overrides,
+                overrides=with_directives(order.overrides, order.directives),
                 idempotency_key=idempotency.key if idempotency is not None else None,
                 request_digest=idempotency.digest if idempotency is not None else None,
                 created_by=created_by,
@@ -165,6 +170,18 @@ class MissionService:
     def resume(self, mission_id: str) -> Mission:
         mission = self.get(mission_id)
         mission.resume()
+        return mission
+
+    def direct(self, mission_id: str, directives: Directives) -> Mission:
+        """Ask something else of a mission that has not ended. Raises `Conflict` otherwise."""
+        mission = self.get(mission_id)
+        mission.direct(directives)
+        return mission
+
+    def decide(self, mission_id: str, decision: Decide) -> Mission:
+        """Pass on the operator's word on the view that the mission waits with."""
+        mission = self.get(mission_id)
+        mission.decide(decision)
         return mission
 
     def stop(self, mission_id: str) -> Mission:

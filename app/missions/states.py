@@ -65,6 +65,9 @@ COMMANDS: Final[dict[str, frozenset[MissionState]]] = {
 }
 """In which states an operator's command makes sense; stop always does."""
 
+DIRECTABLE: Final = frozenset(MissionState) - _ENDS - {MissionState.STOPPING}
+"""In which states directives can still change something."""
+
 
 def commands_allowed(state: MissionState) -> list[str]:
     """What an operator may usefully do now, in the order of a toolbar."""

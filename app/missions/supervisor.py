@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import logging
 import multiprocessing
@@ -22,6 +23,9 @@ from app.missions.transport import ArraySlot
 from app.settings import SupervisionSettings
 
 log = logging.getLogger(__name__)
+
+_ORDERS_BYTES = 1 << 20
+"""The longest order, directives of 32 areas with 64 corners each, takes less than a tenth of it."""
 
 _SPAWN = multiprocessing.get_context("spawn")  # never fork: threads and numerical libraries do not survive it
 
@@ -64,6 +68,8 @@ class Supervisor:
         self._on_dropped = on_dropped
         self._events, child_events = _SPAWN.Pipe(duplex=False)
         child_commands, self._commands = _SPAWN.Pipe(duplex=False)
+        # Room for orders that a busy process has not read yet: STOP must never wait to be written.
+        fcntl.fcntl(self._commands.fileno(), fcntl.F_SETPIPE_SZ, _ORDERS_BYTES)
         self._send_lock = threading.Lock()
         self._heard = False
         self._stopping = False

@@ -186,8 +186,10 @@ class EventSender:
 
 
 class CommandReceiver:
-    """Commands of the operator, in words, each handed out once. STOP overtakes whatever waits before it, and
-    nothing comes after it: callers may poll until there is nothing left.
+    """Orders of the operator as texts (`hgs_core.mission.commands`), each handed out once.
+
+    STOP overtakes whatever waits before it, and nothing comes after it: callers may poll until there is
+    nothing left.
     """
 
     def __init__(self, connection: Connection) -> None:

@@ -21,8 +21,9 @@ from hgs_core.gain.viewpoint import CoverageMeasure
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.mission.build import build_mission
+from hgs_core.mission.commands import CommandSource
 from hgs_core.mission.config import MissionConfig, resolve_mission_config
-from hgs_core.mission.events import CommandSource, MissionEvent, MissionObserver, MissionView, PlanMade
+from hgs_core.mission.events import MissionEvent, MissionObserver, MissionView, PlanMade
 from hgs_core.mission.request import MissionRequest
 from hgs_core.planning.plan import CandidateStatus
 from hgs_core.planning.views import wrap_angle

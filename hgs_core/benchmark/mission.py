@@ -11,14 +11,8 @@ from pydantic import BaseModel, ConfigDict
 
 import hgs_core.native.kernels as kernels
 from hgs_core.benchmark.kernels import processor_name
-from hgs_core.mission.events import (
-    CommandSource,
-    MissionEvent,
-    MissionObserver,
-    MissionView,
-    PlanMade,
-    Telemetry,
-)
+from hgs_core.mission.commands import CommandSource
+from hgs_core.mission.events import MissionEvent, MissionObserver, MissionView, PlanMade, Telemetry
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.run import run_mission
 

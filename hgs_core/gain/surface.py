@@ -85,6 +85,8 @@ class SurfaceGainEvaluator:
         voxels = snapshot.voxels
         free = voxels.states == VoxelState.FREE
         open_ = voxels.missing() | ((voxels.states == VoxelState.OCCUPIED) & ~self._is_covered(snapshot))
+        if voxels.interest is not None:
+            open_ &= voxels.interest[..., None]
         points, areas, normals = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros((0, 3))]
         for axis in range(3):
             for sign in (-1, 1):

@@ -11,10 +11,12 @@ import numpy as np
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.mapper import Mapper
 from hgs_core.mission.clock import clock_of
+from hgs_core.mission.commands import CommandSource
 from hgs_core.mission.config import MissionConfig
 from hgs_core.mission.curve_recorder import CurveRecorder
-from hgs_core.mission.events import CommandSource, MissionObserver
+from hgs_core.mission.events import MissionObserver
 from hgs_core.mission.mission import Mission
+from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.registry import build_planner
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.scene.scene import Scene, open_scene
@@ -101,6 +103,8 @@ def build_mission(
         clock=clock,
         observer=observer,
         commands=commands,
+        navigator=Navigator(config.planner, config.robot),
+        directives=config.directives,
     )
     return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission, curve=curve)
 

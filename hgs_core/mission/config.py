@@ -17,6 +17,7 @@ from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
 from hgs_core.mission.clock import ClockKind
 from hgs_core.planning.config import HierarchicalConfig, PlannerConfig
+from hgs_core.planning.directives import Directives
 from hgs_core.planning.registry import planner_config, planner_methods
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.scene.options import SceneOptions
@@ -65,6 +66,8 @@ class MissionConfig(StrictConfig):
     planner: SerializeAsAny[PlannerConfig] = HierarchicalConfig()
     """How it decides where to look: the settings of one of the registered planners."""
     limits: MissionLimits = MissionLimits()
+    directives: Directives = Directives()
+    """What the operator asks of the mission from its beginning; they may ask for something else later."""
     clock: ClockKind = ClockKind.LOCKSTEP
     """`lockstep`: mission time is counted, and the same seed gives the same mission; `real`: it is wall time,
     the simulator's excepted, and mapper and planner must keep up."""

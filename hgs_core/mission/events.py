@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, runtime_checkable
@@ -25,6 +24,10 @@ class MissionPhase(StrEnum):
     PAUSED = "paused"
     SUSPENDED = "suspended"
     """Saved, to be gone on with by another process; this one ends."""
+    AWAITING_APPROVAL = "awaiting_approval"
+    """The robot stands before a new view until the operator has decided on it."""
+    RETURNING = "returning"
+    """Nothing more is looked at: the robot drives back to where it began."""
     EVALUATING = "evaluating"
     ENDED = "ended"
 
@@ -36,6 +39,7 @@ class StopReason(StrEnum):
     INTERRUPTED = "interrupted"
     TIME_LIMIT = "time_limit"
     STUCK = "stuck"
+    PATH_BUDGET = "path_budget"
     FAILED = "failed"
 
 
@@ -89,6 +93,8 @@ class Telemetry(MissionEvent):
 @dataclass(frozen=True, kw_only=True)
 class PlanMade(MissionEvent):
     kind: ClassVar[str] = "plan"
+    plan_sequence: int
+    """1, 2, ... within the mission; decisions of the operator name it."""
     reason: str
     n_candidates: int
     n_selected: int
@@ -104,8 +110,37 @@ class PlanMade(MissionEvent):
     global_s: float
     """T_GP [s]."""
     candidates: tuple[dict[str, Any], ...]
+    """Each with its place, gains and `status`; what is not chosen says `why`."""
     coverage_unit: str = "m³"
     """What the candidates' `coverage` is counted in; quality is in m²."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DirectivesTaken(MissionEvent):
+    """What is asked of the mission from now on (`hgs_core.planning.directives`)."""
+
+    kind: ClassVar[str] = "directives"
+    directives: dict[str, Any]
+
+
+class ApprovalState(StrEnum):
+    """What became of a view that the operator is asked about."""
+
+    WAITING = "waiting"
+    APPROVED = "approved"
+    REJECTED = "rejected"
+    NOT_NEEDED = "not_needed"
+    """Views need no approval any more, or the plan was given up for another reason."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ApprovalChanged(MissionEvent):
+    kind: ClassVar[str] = "approval"
+    state: ApprovalState
+    plan_sequence: int
+    view: dict[str, float]
+    """`x_m`, `y_m`, `yaw_rad` of the view that the robot wants to drive to, or was sent to."""
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,31 +207,6 @@ class MissionObserver(Protocol):
         ...
 
     def on_view(self, view: MissionView) -> None: ...
-
-
-class Command(StrEnum):
-    PAUSE = "pause"
-    RESUME = "resume"
-    STOP = "stop"
-    SUSPEND = "suspend"
-    """Save a checkpoint after the frame under way, and let another process go on from it."""
-
-
-@runtime_checkable
-class CommandSource(Protocol):
-    """Operator commands, polled between iterations of the loop's steps."""
-
-    def poll(self) -> Command | None: ...
-
-
-@runtime_checkable
-class PromptCommands(CommandSource, Protocol):
-    """A `CommandSource` that tells of STOP at once, whatever the loop is busy with."""
-
-    def on_stop(self, react: Callable[[], None]) -> None:
-        """Call `react`, once, from another thread than the loop's, as soon as STOP comes; `poll` tells of it
-        as well."""
-        ...
 
 
 def rgb_to_uint8(rgb: Float32[ndarray, "h w 3"]) -> UInt8[ndarray, "h w 3"]:

@@ -25,16 +25,9 @@ from hgs_core.mapping.mesh_file import write_mesh
 from hgs_core.mapping.transforms import TRANSFORMS
 from hgs_core.mapping.volume_fusion import SurfaceMesh, fuse_mesh
 from hgs_core.mission.build import MissionParts, build_mission
+from hgs_core.mission.commands import CommandSource, Order
 from hgs_core.mission.config import MissionConfig, resolve_mission_config
-from hgs_core.mission.events import (
-    Command,
-    CommandSource,
-    MissionObserver,
-    MissionPhase,
-    Notice,
-    PhaseChanged,
-    StopReason,
-)
+from hgs_core.mission.events import MissionObserver, MissionPhase, Notice, PhaseChanged, StopReason
 from hgs_core.mission.finished_run import RUN_CONFIG
 from hgs_core.mission.folder import EventLog, RunFolder
 from hgs_core.mission.record import MissionRecord
@@ -258,5 +251,5 @@ def _write_results(
 class NoCommands:
     """A `CommandSource` without an operator."""
 
-    def poll(self) -> Command | None:
+    def poll(self) -> Order | None:
         return None

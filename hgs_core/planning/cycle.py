@@ -24,11 +24,17 @@ class PlanningCycle:
     """The world as one call of `plan()` sees it."""
 
     snapshot: MapSnapshot
+    """Where only the region of interest is worth seeing, if there is one: what views are scored on."""
+    whole: MapSnapshot
+    """The maps as they are."""
     robot: RobotState
     grid: NavigationGrid
     reach: ReachField
     is_place: Bool[ndarray, "nx ny"]
-    """Cells where a viewpoint may be: reachable, inside the region."""
+    """Cells where a viewpoint may be: reachable, within the map's bounds, the operator's region and what is
+    left of the path budget."""
+    too_far: Bool[ndarray, "nx ny"] | None
+    """Cells that are no places for want of path budget alone; None without a budget."""
     horizon: Box
     missing: MissingColumns
     partition: SubspacePartition

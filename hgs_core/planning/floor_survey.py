@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
@@ -31,6 +31,7 @@ class FloorSurvey:
         self._version = -1
         self._robot_xy_m: Float[ndarray, " 2"] = np.zeros(2)
         self._touched_m: Float[ndarray, "n_touched 2"] = np.zeros((0, 2))
+        self._forbidden: Bool[ndarray, "nx ny"] | None = None
 
     def grid(
         self,
@@ -39,9 +40,10 @@ class FloorSurvey:
         *,
         robot_xy_m: Float[ndarray, " 2"],
         touched_m: Float[ndarray, "n_touched 2"],
+        forbidden: Bool[ndarray, "nx ny"] | None = None,
     ) -> NavigationGrid:
         """The grid of the maps as they are now; see `build_navigation_grid`."""
-        known = self._grid
+        known = self._grid if forbidden is self._forbidden else None
         around_m = None
         if known is not None and _covers(known, voxels):
             around_m = self._changed_m(known, voxels, robot_xy_m, touched_m)
@@ -53,11 +55,12 @@ class FloorSurvey:
             around_m=around_m,
             gaussians=gaussians,
             touched_m=touched_m,
+            forbidden=forbidden,
         )
         if known is not None and around_m is not None:
             grid = _pasted(known, grid, around_m)
         self._grid, self._version = grid, voxels.version
-        self._robot_xy_m, self._touched_m = robot_xy_m, touched_m
+        self._robot_xy_m, self._touched_m, self._forbidden = robot_xy_m, touched_m, forbidden
         return grid
 
     def _changed_m(

@@ -83,9 +83,11 @@ class GainFirst:
             rejected += again.rejected
             found.unreachable += again.unreachable
         stops = self._ordered(cycle, [*worth, *far])
+        later = [view for view in [*worth, *far] if not any(view is stop for stop in stops)]
         self._wanted_m = np.array([view.xy_m for view in stops]).reshape(-1, 2)
         return Choice(
             stops=stops,
+            outranked=later,
             rejected=[*rejected, *found.rejected],
             unreachable_m=found.unreachable,
             reason=self._explained(worth, far, rejected, found),
@@ -97,6 +99,9 @@ class GainFirst:
             return None
         self._subspaces.forget_at(view.xy_m)
         return f"target already seen: only gain {gain:.2f} is left of it"
+
+    def reconsider(self) -> None:
+        self._subspaces.forget()
 
     def state(self) -> dict[str, Any]:
         return {"subspaces": self._subspaces.state(), "wanted_m": self._wanted_m.copy()}

@@ -27,28 +27,27 @@ from hgs_core.planning.global_planner import GlobalPlanner, GlobalTour
 from hgs_core.planning.local_planner import LocalPlanner, LocalViews
 from hgs_core.planning.plan import (
     Candidate,
-    CandidateStatus,
     NothingLeft,
     Plan,
     PlanningTimes,
-    UnseenRegion,
     on_floor,
 )
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.roadmap import Roadmap
 from hgs_core.planning.subspace_views import SubspaceViews
 from hgs_core.planning.survey import PlannerContext, Survey
+from hgs_core.planning.surveying import SurveyingPlanner
 from hgs_core.planning.views import View
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
 
 
-class HierarchicalPlanner:
+class HierarchicalPlanner(SurveyingPlanner):
     """The paper's planner. Raises `PlanningError` when asked to plan on an empty voxel map."""
 
     def __init__(self, config: HierarchicalConfig, context: PlannerContext, evaluator: GainEvaluator) -> None:
+        super().__init__(Survey(config, context, evaluator, horizon_m=config.local_level.horizon_m))
         self.config = config
-        self._survey = Survey(config, context, evaluator, horizon_m=config.local_level.horizon_m)
         self._partition = self._survey.partition
         self._pursuit = self._survey.pursuit
         self._scorer = self._survey.scorer
@@ -117,7 +116,7 @@ class HierarchicalPlanner:
     ) -> str | None:
         """`blocked ...` when the remaining path lost its clearance on the newest map; `target already seen
         ...` when little of the next view's gain is left (looked at every `recheck_interval_s`)."""
-        blocked = self._pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
+        blocked = self._survey.why_blocked(snapshot, robot, plan.path, waypoints_passed)
         if blocked is not None or not self._pursuit.recheck_due(robot.timestamp_s):
             return blocked
         ahead = self._survey.next_view(snapshot, robot, plan.path, waypoints_passed)
@@ -130,11 +129,8 @@ class HierarchicalPlanner:
         self._global.views.forget_at(view.xy_m)
         return f"target already seen: only gain {gain:.2f} is left of it"
 
-    def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
-        """What is unseen now. Regions that were still to be visited have the reason `INTERRUPTED`."""
-        if not snapshot.voxels.states.size:
-            return ()
-        return self._survey.unseen(self._survey.cycle(snapshot, robot))
+    def _reconsider(self) -> None:
+        self._global.views.forget()
 
     def state(self) -> dict[str, Any]:
         """Everything that the next cycle depends on, as plain data."""
@@ -170,15 +166,14 @@ class HierarchicalPlanner:
         return join_views(cycle, stops)
 
     def _candidates(self, tour: GlobalTour, local: LocalViews) -> tuple[Candidate, ...]:
-        z_m = self._scorer.camera_height_m
-        selected = [*local.tour, *tour.goals]
-        candidates = [view.as_candidate(CandidateStatus.SELECTED, z_m) for view in selected]
-        if local.crossing is not None:
-            candidates.append(local.crossing.as_candidate(CandidateStatus.CROSSING, z_m))
-        rejected = [*local.rejected, *tour.open.rejected]
-        candidates += [view.as_candidate(CandidateStatus.BELOW_THRESHOLD, z_m) for view in rejected]
-        candidates += [Candidate.unreachable(middle, z_m) for middle in tour.open.unreachable]
-        return tuple(candidates)
+        return self._survey.considered(
+            selected=[*local.tour, *tour.goals],
+            crossing=local.crossing,
+            outranked=[],
+            rejected=[*local.rejected, *tour.open.rejected],
+            unreachable_m=tour.open.unreachable,
+            threshold=self.config.gain_threshold,
+        )
 
     def _explain(self, cycle: PlanningCycle, tour: GlobalTour, local: LocalViews, path: Path) -> str:
         parts = []

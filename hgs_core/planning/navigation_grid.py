@@ -3,8 +3,8 @@
 **Traversable.** The *body column* of a cell is its voxels with centres in `(clearance_below_m, height]`. A
 cell is traversable when no voxel of its column is occupied and at least one has been seen free, by the planar
 scanner (0.15 m) or the camera. Everything else is *blocked*: occupied, unseen, outside the map. So is what
-the Gaussian map shows between the robot's step height and the column (sills, feet: see `low_obstacles`), and
-what the robot has touched.
+the Gaussian map shows between the robot's step height and the column (sills, feet: see `low_obstacles`),
+what the robot has touched, and what the operator forbids.
 
 **Clearance.** The robot is a disc. Its centre keeps at least its radius from the *box* of every blocked cell:
 exact point-to-box distances, both at cell centres and along straight segments. Cells nearer than
@@ -195,12 +195,14 @@ def build_navigation_grid(
     around_m: Float[ndarray, "n 2"] | None = None,
     gaussians: GaussianMap | None = None,
     touched_m: Float[ndarray, "n_touched 2"] | None = None,
+    forbidden: Bool[ndarray, "n_columns_x n_columns_y"] | None = None,
 ) -> NavigationGrid:
     """The grid of the whole map, or, with `around_m`, of the part that can bear on a path through those
     points.
 
     `robot_xy_m` is where the robot stands (its footprint counts as seen); `None` for no robot. With
-    `gaussians`, what they show above the step height blocks too; so does every cell of `touched_m`.
+    `gaussians`, what they show above the step height blocks too; so does every cell of `touched_m`, and every
+    `forbidden` column of the map.
     """
     size = voxels.config.size_m
     lower = np.asarray(voxels.lower_m(), dtype=np.float64)
@@ -237,6 +239,8 @@ def build_navigation_grid(
         occupied |= low_gaussians >= MIN_GAUSSIANS
     if touched_m is not None:
         occupied |= _cells_with(touched_m, lower_xy, size, occupied.shape)
+    if forbidden is not None:
+        occupied |= forbidden[low_i:nx, low_j:ny]
     blocked = np.ascontiguousarray(occupied | ~free)
     clearance = (kernels.grid_box_clearance(blocked.view(np.uint8), cap / size) * np.float32(size)).astype(
         np.float32

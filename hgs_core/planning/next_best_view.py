@@ -23,7 +23,6 @@ from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import join_views
 from hgs_core.planning.plan import (
     Candidate,
-    CandidateStatus,
     NothingLeft,
     Plan,
     PlanningTimes,
@@ -32,6 +31,7 @@ from hgs_core.planning.plan import (
     on_floor,
 )
 from hgs_core.planning.survey import PlannerContext, Survey
+from hgs_core.planning.surveying import SurveyingPlanner
 from hgs_core.planning.views import View
 from hgs_core.robot.robot import RobotState
 
@@ -51,7 +51,9 @@ class Choice:
     """Where to look next, in order; none: nothing is left. Driving stops at each, and each brings a new
     choice."""
     rejected: list[View] = field(default_factory=list)
-    """What was considered as well."""
+    """What was considered as well, and is not worth a stop."""
+    outranked: list[View] = field(default_factory=list)
+    """What is worth a stop, too, but comes later, if at all."""
     unreachable_m: list[Float[ndarray, " 2"]] = field(default_factory=list)
     """Middles of what is missing where no reachable place can look at it."""
     reason: str
@@ -72,6 +74,15 @@ class Policy(Protocol):
 
 
 @runtime_checkable
+class Reconsidering(Protocol):
+    """A policy that keeps conclusions from one choice to the next."""
+
+    def reconsider(self) -> None:
+        """The operator's wishes have changed: what was given up may be worth a view again."""
+        ...
+
+
+@runtime_checkable
 class Rechecking(Protocol):
     """A policy that looks again at the next view while the robot drives to it."""
 
@@ -80,14 +91,14 @@ class Rechecking(Protocol):
         ...
 
 
-class NextBestViewPlanner:
+class NextBestViewPlanner(SurveyingPlanner):
     """A `Planner` around a policy. Raises `PlanningError` when asked to plan on an empty voxel map."""
 
     def __init__(
         self, config: NextBestViewConfig, context: PlannerContext, evaluator: GainEvaluator, policy: Policy
     ) -> None:
+        super().__init__(Survey(config, context, evaluator, horizon_m=config.horizon_m))
         self.config = config
-        self._survey = Survey(config, context, evaluator, horizon_m=config.horizon_m)
         self._policy = policy
 
     def plan(self, snapshot: MapSnapshot, robot: RobotState, rng: np.random.Generator) -> Plan | NothingLeft:
@@ -133,7 +144,7 @@ class NextBestViewPlanner:
         """When the remaining path lost its clearance on the newest map; for a `Rechecking` policy also when
         it drops the next view, every `recheck_interval_s`."""
         survey, policy = self._survey, self._policy
-        blocked = survey.pursuit.why_blocked(snapshot, robot, plan.path, waypoints_passed)
+        blocked = survey.why_blocked(snapshot, robot, plan.path, waypoints_passed)
         if blocked is not None or not isinstance(policy, Rechecking):
             return blocked
         if not survey.pursuit.recheck_due(robot.timestamp_s):
@@ -141,11 +152,9 @@ class NextBestViewPlanner:
         ahead = survey.next_view(snapshot, robot, plan.path, waypoints_passed)
         return None if ahead is None else policy.why_drop(*ahead)
 
-    def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
-        """See `Planner`."""
-        if not snapshot.voxels.states.size:
-            return ()
-        return self._survey.unseen(self._survey.cycle(snapshot, robot))
+    def _reconsider(self) -> None:
+        if isinstance(self._policy, Reconsidering):
+            self._policy.reconsider()
 
     def state(self) -> dict[str, Any]:
         return {"survey": self._survey.state(), "policy": self._policy.state()}
@@ -155,11 +164,13 @@ class NextBestViewPlanner:
         self._policy.restore(state["policy"])
 
     def _candidates(self, choice: Choice) -> tuple[Candidate, ...]:
-        z_m = self._survey.context.camera_height_m
-        chosen = [view.as_candidate(CandidateStatus.SELECTED, z_m) for view in choice.stops]
-        others = [view.as_candidate(CandidateStatus.BELOW_THRESHOLD, z_m) for view in choice.rejected]
-        unreachable = [Candidate.unreachable(middle, z_m) for middle in choice.unreachable_m]
-        return (*chosen, *others, *unreachable)
+        return self._survey.considered(
+            selected=choice.stops,
+            outranked=choice.outranked,
+            rejected=choice.rejected,
+            unreachable_m=choice.unreachable_m,
+            threshold=getattr(self.config, "gain_threshold", None),
+        )
 
 
 def _given_up(region: UnseenRegion) -> UnseenRegion:

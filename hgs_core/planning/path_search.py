@@ -40,6 +40,24 @@ class ReachField:
         reachable: Bool[ndarray, "nx ny"] = np.isfinite(self.distance_m)
         return reachable
 
+    def lengths_m(self, grid: NavigationGrid) -> Float[ndarray, " n_cells"]:
+        """How long the way to each cell is, before it is smoothed; +inf where there is none."""
+        parent = self.parent.ravel().astype(np.int64)
+        reached = np.flatnonzero(parent >= 0)
+        centres = grid.centres_m(np.arange(len(parent)))
+        ahead = np.where(parent >= 0, parent, np.arange(len(parent)))
+        length = np.linalg.norm(centres - centres[ahead], axis=1)
+        while True:  # each round doubles how far back the lengths reach
+            farther = ahead[ahead]
+            if np.array_equal(farther, ahead):
+                break
+            length += length[ahead]
+            ahead = farther
+        total = np.full(len(parent), np.inf)
+        entries = centres[ahead[reached]]
+        total[reached] = length[reached] + np.linalg.norm(entries - self.origin_m, axis=1)
+        return total
+
     def cells_to(self, cell: int) -> Int[ndarray, " n"]:
         """Flat cells from the robot's entry to `cell`, which must be reachable."""
         return _chain(self.parent.ravel(), cell)[::-1]
@@ -90,16 +108,7 @@ def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachF
     than its radius to something just seen, that is the shortest way out: any line that never comes nearer.
     """
     here = float(grid.path_clearance_m(robot_xy_m[None])[0])
-    allowed = min(grid.radius_m, here) - 1e-6
-    seeds: Int[ndarray, " n"] = np.zeros(0, np.int64)
-    costs: Float[ndarray, " n"] = np.zeros(0)
-    passable = grid.passable
-    for radius in ENTRY_RADII_M:
-        near = grid.cells_within(passable, robot_xy_m, radius)
-        clear, cost = grid.check_segments(np.tile(robot_xy_m, (len(near), 1)), grid.centres_m(near))
-        seeds, costs = near[clear >= allowed], cost[clear >= allowed]
-        if len(seeds):
-            break
+    seeds, costs = entries_near(grid, robot_xy_m)
     distance, parent = kernels.grid_dijkstra(grid.cost, seeds.astype(np.int32), costs / grid.size_m)
     return ReachField(
         origin_m=robot_xy_m,
@@ -107,6 +116,21 @@ def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachF
         parent=parent,
         escaping=here < grid.radius_m - 1e-6,
     )
+
+
+def entries_near(
+    grid: NavigationGrid, xy_m: Float[ndarray, " 2"]
+) -> tuple[Int[ndarray, " n"], Float[ndarray, " n"]]:
+    """Passable cells (flat) that a straight line joins to a point, and its cost [m]; none where there are
+    none. The line comes no nearer to anything than the point is, or than the radius."""
+    here = float(grid.path_clearance_m(xy_m[None])[0])
+    allowed = min(grid.radius_m, here) - 1e-6
+    for radius in ENTRY_RADII_M:
+        near = grid.cells_within(grid.passable, xy_m, radius)
+        clear, cost = grid.check_segments(np.tile(xy_m, (len(near), 1)), grid.centres_m(near))
+        if np.any(clear >= allowed):
+            return near[clear >= allowed], cost[clear >= allowed]
+    return np.zeros(0, np.int64), np.zeros(0)
 
 
 def path_from_robot(grid: NavigationGrid, reach: ReachField, cell: int) -> Float[ndarray, "n 2"]:

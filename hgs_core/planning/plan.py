@@ -12,6 +12,7 @@ from numpy import ndarray
 
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.directives import Directives
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
 
@@ -30,6 +31,8 @@ class CandidateStatus(StrEnum):
     SELECTED = "selected"
     BELOW_THRESHOLD = "below_threshold"
     UNREACHABLE = "unreachable"
+    OUTRANKED = "outranked"
+    """Worth a stop, but others come first."""
     CROSSING = "crossing"
     """A crossing of the global path with the horizon: stays whatever its gain."""
 
@@ -41,6 +44,12 @@ class UnseenReason(StrEnum):
     BELOW_THRESHOLD = "below_threshold"
     OCCLUDED = "occluded"
     OUT_OF_BOUNDS = "out_of_bounds"
+    OUTSIDE_REGION = "outside_region"
+    """It lies outside the region that the operator asked for."""
+    NO_GO = "no_go"
+    """A no-go area keeps the robot from where it could be looked at."""
+    PATH_BUDGET = "path_budget"
+    """What is left of the path budget does not lead to where it could be looked at."""
     TIME_LIMIT = "time_limit"
     INTERRUPTED = "interrupted"
 
@@ -57,6 +66,8 @@ class Candidate:
     quality_gain: float
     total_gain: float
     status: CandidateStatus
+    why: str = ""
+    """For an operator: why the robot does not go there; empty for what is selected."""
 
     @staticmethod
     def unreachable(middle_m: Float[ndarray, " 2"], z_m: float) -> Candidate:
@@ -70,6 +81,7 @@ class Candidate:
             quality_gain=0.0,
             total_gain=0.0,
             status=CandidateStatus.UNREACHABLE,
+            why="no place that the robot can reach looks at what is missing here",
         )
 
     @staticmethod
@@ -167,6 +179,13 @@ class UnseenRegion:
     volume_m3: float
     reason: UnseenReason
 
+    @staticmethod
+    def restore(state: dict[str, Any]) -> UnseenRegion:
+        lower, upper = tuple(state["lower_m"]), tuple(state["upper_m"])
+        return UnseenRegion(
+            **{**state, "lower_m": lower, "upper_m": upper, "reason": UnseenReason(state["reason"])}
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NothingLeft:
@@ -198,6 +217,18 @@ class Planner(Protocol):
 
     def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
         """What is unseen now, and why (used when a mission ends for another reason)."""
+        ...
+
+    def obey(self, directives: Directives, start_xy_m: Float[ndarray, " 2"]) -> None:
+        """Plan within these from now on. The mission began at `start_xy_m`."""
+        ...
+
+    def refuse(self, snapshot: MapSnapshot, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Do not propose this view again, nor its like, as long as its surroundings stay as they are."""
+        ...
+
+    def adopt(self, snapshot: MapSnapshot, robot: RobotState, plan: Plan) -> None:
+        """This plan is under way in place of the one that was made last."""
         ...
 
     def state(self) -> dict[str, Any]: ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from hgs_core.mapping.snapshot import MapSnapshot
@@ -72,7 +72,13 @@ class Pursuit:
         return True
 
     def why_blocked(
-        self, snapshot: MapSnapshot, robot: RobotState, path: Path, waypoints_passed: int
+        self,
+        snapshot: MapSnapshot,
+        robot: RobotState,
+        path: Path,
+        waypoints_passed: int,
+        *,
+        forbidden: Bool[ndarray, "nx ny"] | None = None,
     ) -> str | None:
         """Check the path as far as its next view on the newest map, rebuilding only the part around it.
 
@@ -95,6 +101,7 @@ class Pursuit:
             around_m=ahead,
             gaussians=snapshot.gaussians,
             touched_m=self._touches.points_m,
+            forbidden=forbidden,
         )
         clearance = grid.path_clearance_m(ahead)
         required = np.full(len(clearance), self._robot.radius_m)

@@ -151,6 +151,12 @@ class SubspacePartition:
         ):
             self._open(record)
 
+    def reopen_exhausted(self) -> None:
+        """What was given up is judged anew."""
+        for record in self.records.values():
+            if record.exhausted is not None and record.missing_volume_m3 >= self.config.done_volume_m3:
+                self._open(record)
+
     def key_of(self, xy_m: Float[ndarray, " 2"]) -> Key:
         return int(self._index(xy_m[:1], 0)[0]), int(self._index(xy_m[1:2], 1)[0])
 

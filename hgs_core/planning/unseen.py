@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
@@ -18,6 +20,10 @@ OPENING_VOXELS = 100
 """Free voxels on the region's border in smaller clusters are not openings: 1 m^2 at 0.1 m."""
 
 
+Lost = tuple[UnseenReason, Float[ndarray, "n 2"]]
+"""Places where the robot could stand if the operator did not ask for something, and the reason to give."""
+
+
 def unseen_regions(
     voxels: VoxelMap,
     partition: SubspacePartition,
@@ -25,18 +31,29 @@ def unseen_regions(
     *,
     camera_range_m: float,
     region: Box | None,
+    whole: VoxelMap | None = None,
+    lost: Sequence[Lost] = (),
 ) -> tuple[UnseenRegion, ...]:
     """Clusters of missing, dismissed and out-of-bounds voxels, largest first.
 
-    A missing cluster gets its subspace's reason; one whose subspace is still open would have been visited
-    next: `INTERRUPTED` (the mission knows what ended it). `places_m` are the places where the robot can
-    stand.
+    Where only a region of interest is worth seeing in `voxels`, `whole` is the map as it is: what is missing
+    in that alone lies `OUTSIDE_REGION`. A missing cluster gets its subspace's reason; one whose
+    subspace is still open would have been visited next: `INTERRUPTED` (the mission knows what ended it).
+    `places_m` are the places where the robot can stand; where a `lost` place is nearer to the cluster than
+    all of them, its reason is given.
     """
     regions = [
-        _region(voxels, box, count, _why_missing(voxels, box, partition, places_m, camera_range_m))
+        _region(voxels, box, count, _why_missing(voxels, box, partition, places_m, lost, camera_range_m))
         for box, count in _clusters(voxels.missing(), minimum=1)
     ]
-    dismissed = _dismissed(voxels)
+    dismissed = _dismissed(voxels if whole is None else whole)
+    if voxels.interest is not None and whole is not None:
+        outside = ~voxels.interest[..., None]
+        regions += [
+            _region(voxels, box, count, UnseenReason.OUTSIDE_REGION)
+            for box, count in _clusters(whole.missing() & outside, minimum=1)
+        ]
+        dismissed &= ~outside
     regions += [
         _region(voxels, box, count, UnseenReason.OCCLUDED)
         for box, count in _clusters(dismissed, minimum=OCCLUDED_VOXELS)
@@ -90,17 +107,29 @@ def _why_missing(
     box: Cluster,
     partition: SubspacePartition,
     places_m: Float[ndarray, "n 2"],
+    lost: Sequence[Lost],
     camera_range_m: float,
 ) -> UnseenReason:
     lower, upper = _corners(voxels, box)
+    nearest_m = _nearest_m(places_m, lower, upper)
+    for reason, lost_m in lost:
+        if _nearest_m(lost_m, lower, upper) < min(nearest_m, camera_range_m):
+            return reason
     record = partition.records.get(partition.key_of((lower + upper)[:2] / 2))
     if record is not None and record.state is SubspaceState.RECONSTRUCTING:
         return UnseenReason.INTERRUPTED
     if record is not None and record.exhausted is not None:
         return record.exhausted
-    outside = np.maximum(np.maximum(lower[:2] - places_m, places_m - upper[:2]), 0.0)
-    in_range = bool(np.any(np.hypot(outside[:, 0], outside[:, 1]) <= camera_range_m))
+    in_range = nearest_m <= camera_range_m
     return UnseenReason.BELOW_THRESHOLD if in_range else UnseenReason.UNREACHABLE
+
+
+def _nearest_m(
+    places_m: Float[ndarray, "n 2"], lower_m: Float[ndarray, " 3"], upper_m: Float[ndarray, " 3"]
+) -> float:
+    """From a box on the floor plane to the nearest place; +inf without any."""
+    outside = np.maximum(np.maximum(lower_m[:2] - places_m, places_m - upper_m[:2]), 0.0)
+    return float(np.min(np.hypot(outside[:, 0], outside[:, 1]), initial=np.inf))
 
 
 def _dismissed(voxels: VoxelMap) -> Bool[ndarray, "nx ny nz"]:

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.gain.viewpoint import GainEvaluator
+from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.plan import Candidate, CandidateStatus
+from hgs_core.voxels.voxel_map import VoxelMap
 
 NEAR_BEST = 0.9
 """Yaws within this share of the best gain count as equally good: the one that needs least turning is
 taken."""
+
+SURROUNDINGS_M = 2.0
+"""How far the surroundings of a refused view reach, along each axis."""
 
 CURRENT_PLACE_M = 0.1
 """A place this near to the robot sees what the robot sees now."""
@@ -37,6 +43,12 @@ class ViewMemoryConfig(StrictConfig):
     """Where a view's gain did not drop when it was taken, views closer than this ..."""
     false_gain_yaw_deg: float = Field(45.0, gt=0)
     """... and within this angle are discounted, too, in proportion to the share of the gain that remained."""
+    refused_place_m: float = Field(1.0, gt=0)
+    """Views closer than this to one that the operator refused ..."""
+    refused_yaw_deg: float = Field(60.0, gt=0)
+    """... and within this angle of it gain nothing ..."""
+    refused_change: float = Field(0.1, gt=0, lt=1)
+    """... until the observed share of what is around it has changed by this much."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +96,7 @@ class View:
     def restore(state: dict[str, Any]) -> View:
         return View(**state, cell=-1)
 
-    def as_candidate(self, status: CandidateStatus, z_m: float) -> Candidate:
+    def as_candidate(self, status: CandidateStatus, z_m: float, why: str = "") -> Candidate:
         return Candidate(
             x_m=float(self.xy_m[0]),
             y_m=float(self.xy_m[1]),
@@ -94,6 +106,7 @@ class View:
             quality_gain=self.quality_gain,
             total_gain=self.total_gain,
             status=status,
+            why=why,
         )
 
 
@@ -106,10 +119,38 @@ class ViewMemory:
         """x [m], y [m], yaw [rad] of each, and the share of the predicted gain that remained afterwards."""
         self.current: tuple[float, float, float] | None = None
         """The robot's pose when it last planned: what it sees from there is already in the map."""
+        self.refused: Float[ndarray, "n 4"] = np.zeros((0, 4))
+        """x [m], y [m], yaw [rad] of each view that the operator refused, and `observed_around` it then."""
 
     def add(self, x_m: float, y_m: float, yaw_rad: float, *, remaining_share: float) -> None:
         """A view was taken. `remaining_share`: its gain now over the gain predicted, cut to 0..1."""
         self.taken = np.concatenate([self.taken, [[x_m, y_m, yaw_rad, np.clip(remaining_share, 0.0, 1.0)]]])
+
+    def refuse(self, x_m: float, y_m: float, yaw_rad: float, *, observed: float) -> None:
+        """The operator does not want this view; `observed` is what `observed_around` gives there now."""
+        self.refused = np.concatenate([self.refused, [[x_m, y_m, yaw_rad, observed]]])
+
+    def forget_refusals(self, observed: Callable[[float, float], float]) -> None:
+        """Of views whose surroundings have changed."""
+        if len(self.refused):
+            now = np.array([observed(x_m, y_m) for x_m, y_m in self.refused[:, :2].tolist()])
+            self.refused = self.refused[np.abs(now - self.refused[:, 3]) < self.config.refused_change]
+
+    def is_refused(self, x_m: float, y_m: float, yaw_rad: float) -> bool:
+        """Whether the operator does not want such a view."""
+        place, yaw = np.array([[x_m, y_m]]), np.array([yaw_rad])
+        return bool(self._refused(place, yaw)[0, 0])
+
+    def _refused(
+        self, places_m: Float[ndarray, "n 2"], yaws_rad: Float[ndarray, " n_yaws"]
+    ) -> Bool[ndarray, "n n_yaws"]:
+        apart = np.linalg.norm(places_m[:, None] - self.refused[None, :, :2], axis=2)
+        turned = np.abs(wrap_angle(yaws_rad[:, None] - self.refused[None, :, 2]))
+        once = np.ones(len(self.refused))
+        config = self.config
+        matches = _matches(apart, config.refused_place_m, turned, config.refused_yaw_deg, once)
+        refused: Bool[ndarray, "n n_yaws"] = matches > 0
+        return refused
 
     def factors(
         self, places_m: Float[ndarray, "n 2"], yaws_rad: Float[ndarray, " n_yaws"]
@@ -129,14 +170,29 @@ class ViewMemory:
             at = np.hypot(places_m[:, 0] - x_m, places_m[:, 1] - y_m) < CURRENT_PLACE_M
             same = np.abs(wrap_angle(yaws_rad - yaw_rad)) < np.radians(config.same_yaw_deg)
             factors[np.ix_(at, same)] = 0.0
+        if len(self.refused):
+            factors[self._refused(places_m, yaws_rad)] = 0.0
         return factors
 
     def state(self) -> dict[str, Any]:
-        return {"taken": self.taken.copy(), "current": self.current}
+        return {"taken": self.taken.copy(), "current": self.current, "refused": self.refused.copy()}
 
     def restore(self, state: dict[str, Any]) -> None:
         self.taken = np.array(state["taken"])
         self.current = None if state["current"] is None else tuple(state["current"])
+        self.refused = np.array(state["refused"]).reshape(-1, 4)
+
+
+def observed_around(voxels: VoxelMap, x_m: float, y_m: float) -> float:
+    """The observed share of the columns around a place."""
+    lower = np.asarray(voxels.lower_m(), np.float64)
+    top = lower[2] + voxels.states.shape[2] * voxels.config.size_m
+    return voxels.observed_share(
+        Box(
+            lower_m=np.array([x_m - SURROUNDINGS_M, y_m - SURROUNDINGS_M, lower[2]]),
+            upper_m=np.array([x_m + SURROUNDINGS_M, y_m + SURROUNDINGS_M, top]),
+        )
+    )
 
 
 def _matches(

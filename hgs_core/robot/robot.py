@@ -70,3 +70,7 @@ class Robot(Protocol):
     def stop(self) -> None:
         """Drop the current path and stand."""
         ...
+
+    def limit_speed(self, max_speed_mps: float | None) -> None:
+        """Drive no faster than this from now on [m/s], and no faster than the robot can; None: as it can."""
+        ...

@@ -55,6 +55,7 @@ class SimulatedRobot:
         self._path = Path.empty()
         self._passed = 0
         self._under_way = False
+        self._speed_mps = config.max_speed_mps
 
     @property
     def state(self) -> RobotState:
@@ -93,6 +94,10 @@ class SimulatedRobot:
     def stop(self) -> None:
         self._under_way = False
 
+    def limit_speed(self, max_speed_mps: float | None) -> None:
+        can = self._config.max_speed_mps
+        self._speed_mps = can if max_speed_mps is None else min(max_speed_mps, can)
+
     def advance(self, duration_s: float) -> RobotState:
         if not (duration_s >= 0 and math.isfinite(duration_s)):
             raise RobotError(f"cannot advance by {duration_s} s; expected a finite time of at least 0")
@@ -113,11 +118,11 @@ class SimulatedRobot:
             if (left := self._turn(heading, left_s)) is None:
                 return None
             left_s = left
-            reach = min(distance, left_s * self._config.max_speed_mps)
+            reach = min(distance, left_s * self._speed_mps)
             if not self._drive(offset / distance, reach) or reach < distance:
                 return None
             self._position = target.astype(float)
-            left_s -= distance / self._config.max_speed_mps
+            left_s -= distance / self._speed_mps
         yaw = float(self._path.yaws_rad[self._passed])
         if not math.isnan(yaw):
             if (left := self._turn(yaw, left_s)) is None:
@@ -174,6 +179,7 @@ class SimulatedRobot:
             "path_yaws_rad": self._path.yaws_rad.tolist(),
             "waypoints_passed": self._passed,
             "under_way": self._under_way,
+            "speed_mps": self._speed_mps,
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -190,3 +196,4 @@ class SimulatedRobot:
         )
         self._passed = state["waypoints_passed"]
         self._under_way = state["under_way"]
+        self._speed_mps = state["speed_mps"]

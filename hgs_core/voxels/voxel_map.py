@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from enum import IntEnum
 from typing import Any, Final
 
@@ -75,6 +76,8 @@ class VoxelMap:
     """Looks in vain at each voxel (saturates at 255)."""
     n_observed: int
     """Voxels that are not unobserved any more."""
+    interest: Bool[ndarray, "nx ny"] | None = None
+    """The columns that are worth seeing (see `focused`); None: all."""
     changed_at: Int64[ndarray, "n_chunks_x n_chunks_y"]
     """The version at which any state or attempt of each chunk of columns last changed; 0: never."""
     _missing: Bool[ndarray, "nx ny nz"]
@@ -129,6 +132,28 @@ class VoxelMap:
         self.version += 1
         self.changed_at[:] = self.version
         self.n_observed = int(np.count_nonzero(self.states))
+
+    def focused(self, interest: Bool[ndarray, "nx ny"], before: VoxelMap | None) -> VoxelMap:
+        """This map where only the columns of `interest` are worth seeing: elsewhere every unobserved voxel
+        counts as dismissed, so that it is neither missing nor a gain.
+
+        It shares all but `attempts` with this map, and is valid as long as a snapshot of it. `before`: what
+        this gave last for the same columns; only what has changed since is done again, in place.
+        """
+        if before is None or before.interest is not interest or before.states.shape != self.states.shape:
+            before = copy.copy(self)
+            before.interest = interest
+            before.attempts = np.where(interest[..., None], self.attempts, np.uint8(255))
+            before._forget_missing()
+        else:
+            box = self.changed_columns(before.version)
+            if box is not None:
+                (i0, j0), (i1, j1) = box
+                here = (slice(i0, i1), slice(j0, j1))
+                before.attempts[here] = np.where(interest[here][..., None], self.attempts[here], 255)
+            before.states, before.log_odds, before.changed_at = self.states, self.log_odds, self.changed_at
+            before.version, before.n_observed = self.version, self.n_observed
+        return before
 
     def missing(self) -> Bool[ndarray, "nx ny nz"]:
         """The missing voxels. Valid until the next change of the map: renewed in place, where it changed."""
@@ -274,6 +299,11 @@ class VoxelMap:
         self.attempts = np.zeros(shape, np.uint8)
         self.n_observed = 0
         self.changed_at = np.zeros((-(-shape[0] // CHUNK), -(-shape[1] // CHUNK)), np.int64)
+        self._forget_missing()
+
+    def _forget_missing(self) -> None:
+        """Find all missing voxels anew when next asked for them."""
+        shape = self.states.shape
         self._missing = np.zeros(shape, bool)
         self._missing_in_columns = np.zeros(shape[:2], np.int32)
         self._n_missing = 0

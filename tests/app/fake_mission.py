@@ -19,8 +19,11 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.mission.commands import Command, Decide, Direct
 from hgs_core.mission.events import (
-    Command,
+    ApprovalChanged,
+    ApprovalState,
+    DirectivesTaken,
     MissionEnded,
     MissionPhase,
     MissionView,
@@ -30,6 +33,7 @@ from hgs_core.mission.events import (
     StopReason,
     Telemetry,
 )
+from hgs_core.planning.directives import Directives
 from hgs_core.planning.plan import (
     Candidate,
     CandidateStatus,
@@ -107,8 +111,9 @@ def _drive(
     began = time.perf_counter()
     paused = False
     frame = 0
+    asked = _Asked(request, observer)
     while frame < frames:
-        command = None if deaf else _newest(commands)
+        command = None if deaf else asked.newest(commands)
         time_s = frame * FRAME_INTERVAL_S
         if command is Command.STOP:
             stop_reason, message = StopReason.INTERRUPTED, "stopped by the operator"
@@ -123,7 +128,7 @@ def _drive(
             observer.on_event(
                 PhaseChanged(time_s=time_s, phase=MissionPhase.RUNNING, reason="resumed by the operator")
             )
-        if paused:
+        if paused or asked.waits(frame, time_s):
             time.sleep(0.01)
             continue
         if frame == raise_at:
@@ -139,7 +144,7 @@ def _drive(
         plan = _plan(robot, share, rng)
         observer.on_event(_telemetry(frame, share, robot, gaussians.size, began))
         if frame % 5 == 0:
-            observer.on_event(_plan_event(plan, time_s))
+            observer.on_event(_plan_event(plan, time_s, frame // 5 + 1))
         if frame == 3:
             observer.on_event(Notice(time_s=time_s, level="warning", message="a fake chair is in the way"))
         if observer.wants_view():
@@ -153,12 +158,61 @@ def _drive(
     observer.on_event(PhaseChanged(time_s=time_s, phase=MissionPhase.ENDED, reason=message))
 
 
-def _newest(commands: Any) -> Command | None:
-    """Polls until nothing is left, as the real loop does."""
-    newest = None
-    while (command := commands.poll()) is not None:
-        newest = command
-    return newest
+class _Asked:
+    """What the operator asks of the fake mission: as the real loop, it tells what it has taken."""
+
+    def __init__(self, request: Any, observer: Any) -> None:
+        self._observer = observer
+        self._approves = False
+        self._decided = 0
+        self._waiting = False
+        text = request.overrides.get("directives")
+        if text is not None:
+            self._take(Directives.model_validate_json(text), 0.0)
+
+    def newest(self, commands: Any) -> Command | None:
+        """Polls until nothing is left; directives and decisions are taken at once."""
+        newest = None
+        while (order := commands.poll()) is not None:
+            if isinstance(order, Direct):
+                self._take(order.directives, 0.0)
+            elif isinstance(order, Decide):
+                state = ApprovalState.APPROVED if order.approved else ApprovalState.REJECTED
+                self._tell(state, order.plan_sequence, 0.0)
+                self._decided, self._waiting = order.plan_sequence, False
+            else:
+                newest = order
+        return newest
+
+    def waits(self, frame: int, time_s: float) -> bool:
+        """Whether the newest plan waits for the operator's word."""
+        sequence = (frame - 1) // 5 + 1
+        if not self._approves or frame == 0 or frame % 5 != 1 or self._decided >= sequence:
+            return False
+        if not self._waiting:
+            self._waiting = True
+            self._tell(ApprovalState.WAITING, sequence, time_s)
+            reason = f"waits for the operator to approve plan {sequence}"
+            self._observer.on_event(
+                PhaseChanged(time_s=time_s, phase=MissionPhase.AWAITING_APPROVAL, reason=reason)
+            )
+        return True
+
+    def _take(self, directives: Directives, time_s: float) -> None:
+        self._approves = directives.approve_views
+        told = directives.model_dump(mode="json")
+        self._observer.on_event(DirectivesTaken(time_s=time_s, directives=told))
+
+    def _tell(self, state: ApprovalState, sequence: int, time_s: float) -> None:
+        self._observer.on_event(
+            ApprovalChanged(
+                time_s=time_s,
+                state=state,
+                plan_sequence=sequence,
+                view={"x_m": 1.0, "y_m": 2.0, "yaw_rad": 0.5},
+                reason="a test",
+            )
+        )
 
 
 def _room(rng: np.random.Generator) -> np.ndarray:
@@ -231,6 +285,7 @@ def _plan(robot: RobotState, share: float, rng: np.random.Generator) -> Plan:
                 quality_gain=total * 2.0,
                 total_gain=total,
                 status=status,
+                why="" if status is CandidateStatus.SELECTED else f"a made-up reason for {status}",
             )
         )
     subspaces = tuple(
@@ -267,9 +322,10 @@ def _subspace_state(share: float, column: int) -> SubspaceState:
     return SubspaceState.RECONSTRUCTING if share > column / 4 else SubspaceState.UNRECONSTRUCTED
 
 
-def _plan_event(plan: Plan, time_s: float) -> PlanMade:
+def _plan_event(plan: Plan, time_s: float, sequence: int) -> PlanMade:
     return PlanMade(
         time_s=time_s,
+        plan_sequence=sequence,
         reason=plan.reason,
         n_candidates=len(plan.candidates),
         n_selected=4,
@@ -289,6 +345,7 @@ def _plan_event(plan: Plan, time_s: float) -> PlanMade:
                 "quality": c.quality_gain,
                 "total": c.total_gain,
                 "status": str(c.status),
+                **({"why": c.why} if c.why else {}),
             }
             for c in plan.candidates
         ),

@@ -13,9 +13,8 @@ from app.cli.exit_codes import ExitCode, exit_code_of
 from hgs_core.errors import SceneError
 from hgs_core.evaluation.report import MissionReport
 from hgs_core.mission import run as mission_run
+from hgs_core.mission.commands import Command, CommandSource
 from hgs_core.mission.events import (
-    Command,
-    CommandSource,
     MissionObserver,
     MissionPhase,
     Notice,

@@ -1,6 +1,7 @@
 """An observer and operator who stops a mission early."""
 
-from hgs_core.mission.events import Command, MissionEvent, MissionView
+from hgs_core.mission.commands import Command
+from hgs_core.mission.events import MissionEvent, MissionView
 
 
 class StopAfter:

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from hgs_core.mission.clock import LockstepClock
+from hgs_core.mission.commands import Command, PromptCommands
 from hgs_core.mission.config import MissionLimits
-from hgs_core.mission.events import Command, Halted, MissionEvent, PromptCommands, StopReason
+from hgs_core.mission.events import Halted, MissionEvent, StopReason
 from hgs_core.mission.folder import EventLog
 from hgs_core.mission.mission import Mission
+from hgs_core.planning.config import HierarchicalConfig
+from hgs_core.planning.directives import Directives
+from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.plan import NothingLeft, Plan
+from hgs_core.robot.robot import RobotConfig
 from tests.mission.passing_time import PassingTime
 from tests.mission.test_real_time import (
     INTERVAL_S,
@@ -103,6 +108,8 @@ def test_the_robot_stands_before_the_loop_has_come_to_stop_and_never_moves_again
         clock=LockstepClock(INTERVAL_S),
         observer=EventLog(tmp_path / "events.jsonl", heard),
         commands=operator,
+        navigator=Navigator(HierarchicalConfig(), RobotConfig()),
+        directives=Directives(),
     )
     loop = threading.Thread(target=mission.run, daemon=True)
     loop.start()

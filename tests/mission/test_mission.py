@@ -12,7 +12,8 @@ from hgs_core.evaluation.report import MissionReport
 from hgs_core.evaluation.trajectory import read_trajectory
 from hgs_core.gaussians.ply import read_ply
 from hgs_core.mapping.keyframe_archive import KeyframeArchive
-from hgs_core.mission.events import Command, MissionEvent, MissionView, PhaseChanged, PlanMade, Telemetry
+from hgs_core.mission.commands import Command
+from hgs_core.mission.events import MissionEvent, MissionView, PhaseChanged, PlanMade, Telemetry
 from hgs_core.mission.run import MissionRequest, NoCommands, run_mission
 from hgs_core.planning.views import ViewMemory
 

@@ -13,13 +13,17 @@ from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.mapper import IntegrationReport, Mapper
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.mission.clock import LockstepClock, RealClock
+from hgs_core.mission.commands import Command
 from hgs_core.mission.config import MissionLimits
-from hgs_core.mission.events import Command, MissionEvent, MissionView, StopReason, Telemetry
+from hgs_core.mission.events import MissionEvent, MissionView, StopReason, Telemetry
 from hgs_core.mission.mission import Mission
 from hgs_core.mission.record import MissionRecord
+from hgs_core.planning.config import HierarchicalConfig
+from hgs_core.planning.directives import Directives
+from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.plan import NothingLeft, Plan, PlanningTimes, UnseenRegion
 from hgs_core.robot.path import Path as RobotPath
-from hgs_core.robot.robot import RobotState
+from hgs_core.robot.robot import RobotConfig, RobotState
 from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.voxels.voxel_map import VoxelConfig
 from tests.mission.passing_time import PassingTime
@@ -66,6 +70,9 @@ class TurningRobot:
 
     def stop(self) -> None:
         self._moves = False
+
+    def limit_speed(self, max_speed_mps: float | None) -> None:
+        raise AssertionError("nobody asks for a limit")
 
 
 class RobotAtViews(TurningRobot):
@@ -174,6 +181,15 @@ class SlowPlanner:
     ) -> str | None:
         return None
 
+    def obey(self, directives: Directives, start_xy_m: np.ndarray) -> None:
+        raise AssertionError("nobody asks for anything")
+
+    def refuse(self, snapshot: MapSnapshot, x_m: float, y_m: float, yaw_rad: float) -> None:
+        raise AssertionError("nobody refuses a view")
+
+    def adopt(self, snapshot: MapSnapshot, robot: RobotState, plan: Plan) -> None:
+        raise AssertionError("nobody asks for another plan")
+
     def unseen(self, snapshot: MapSnapshot, state: RobotState) -> tuple[UnseenRegion, ...]:
         return ()
 
@@ -248,6 +264,8 @@ class Trial:
             else LockstepClock(INTERVAL_S),
             observer=self.heard,
             commands=StopAfter(self.time, stop_at_s),
+            navigator=Navigator(HierarchicalConfig(), RobotConfig()),
+            directives=Directives(),
         )
         self.record: MissionRecord = self.mission.run()
 

@@ -16,7 +16,7 @@ from hgs_core.benchmark.planners.fingerprint import differences, source_version
 from hgs_core.benchmark.planners.grid import GridRequest, PlannedCell, remembered
 from hgs_core.benchmark.planners.task import RUN_MISSION, CellAnswer, CellTask
 from hgs_core.errors import ConfigError
-from hgs_core.mission.events import Command, CommandSource
+from hgs_core.mission.commands import Command, CommandSource
 
 _TICK_S: Final = 0.25
 

@@ -126,7 +126,7 @@ class HolePools:
                     f"are holes, the most of {len(open_views)} places for their distance"
                 )
                 others = [views[i] for i in open_views if i != best]
-                return Choice(stops=[views[best]], rejected=others + rejected, reason=reason)
+                return Choice(stops=[views[best]], outranked=others, rejected=rejected, reason=reason)
             self._stage += 1
             self._done.clear()
         return Choice(
@@ -135,6 +135,10 @@ class HolePools:
             reason="the pools are empty: no view has holes in "
             f"{self._config.stages[-1].hole_share:.1%} of its pixels",
         )
+
+    def reconsider(self) -> None:
+        self._stage = 0
+        self._done.clear()
 
     def state(self) -> dict[str, Any]:
         done = np.array(sorted(self._done), dtype=np.int64).reshape(-1, 2)

@@ -185,7 +185,8 @@ class RegionsOfInterest:
             f"utility {view.total_gain:.2f} ({view.coverage_gain:.2f} m^3 unseen, {view.quality_gain:.0%} "
             f"unconfident), the best of {len(worthy)} for the way of {lengths[best]:.1f} m"
         )
-        return Choice(stops=[view], rejected=worthy[:best] + worthy[best + 1 :] + rejected, reason=reason)
+        others = worthy[:best] + worthy[best + 1 :]
+        return Choice(stops=[view], outranked=others, rejected=rejected, reason=reason)
 
     def state(self) -> dict[str, Any]:
         return {}

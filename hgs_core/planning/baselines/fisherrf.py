@@ -120,7 +120,7 @@ class FisherPaths:
             f"({worth.max():.2f}), {chosen.length_m:.1f} m long"
         )
         others = [view for view in candidates if view is not chosen.goal]
-        return Choice(stops=[chosen.goal], rejected=others + rejected, reason=reason)
+        return Choice(stops=[chosen.goal], outranked=others, rejected=rejected, reason=reason)
 
     def state(self) -> dict[str, Any]:
         return {}

@@ -76,9 +76,10 @@ class GSPlanner:
             why = f"no view anywhere gains {self._config.gain_threshold:.2f}, the best {gain:.2f}"
             return Choice(stops=[], rejected=rejected, reason=why)
         best = max(worth, key=lambda view: self._utility(cycle, view))
-        self._leave_for_later([view for view in worth if view is not best], taken=best)
+        others = [view for view in worth if view is not best]
+        self._leave_for_later(others, taken=best)
         reason = f"the best of {len(worth)} views {source} (gain {best.total_gain:.2f})"
-        return Choice(stops=[best], rejected=rejected, reason=reason)
+        return Choice(stops=[best], outranked=others, rejected=rejected, reason=reason)
 
     def state(self) -> dict[str, Any]:
         return {"library": self._library.copy()}

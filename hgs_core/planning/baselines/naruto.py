@@ -26,7 +26,7 @@ targets; before nothing is left, targets are drawn from all others, and looked f
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -41,6 +41,9 @@ from hgs_core.planning.pursuit import TAKEN_WITHIN_M
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.planning.views import View
+
+_TOLD: Final = 40
+"""Of the positions of a lattice, so many of the best are told of."""
 
 
 class NarutoConfig(NextBestViewConfig):
@@ -101,7 +104,9 @@ class Naruto:
             return Choice(stops=[], rejected=views, reason=why)
         goal = max(worth, key=self._over_circle)
         self._goal_m, self._looks_left = goal.xy_m, config.looks_per_goal - 1
-        return Choice(stops=[goal], reason=f"{found} in view (gain {self._over_circle(goal):.2f})")
+        others = sorted(worth, key=self._over_circle, reverse=True)[1:_TOLD]
+        reason = f"{found} in view (gain {self._over_circle(goal):.2f})"
+        return Choice(stops=[goal], outranked=others, reason=reason)
 
     def state(self) -> dict[str, Any]:
         return {

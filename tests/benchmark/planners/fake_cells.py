@@ -23,7 +23,8 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.ply import write_ply
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.geometry.se3 import SE3
-from hgs_core.mission.events import Command, CommandSource, MissionObserver
+from hgs_core.mission.commands import Command, CommandSource
+from hgs_core.mission.events import MissionObserver
 from hgs_core.mission.folder import RunFolder
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.versions import software_versions

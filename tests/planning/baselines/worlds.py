@@ -15,6 +15,7 @@ from hgs_core.planning.baselines.gs_planner import GSPlanner, GSPlannerConfig
 from hgs_core.planning.baselines.naruto import Naruto, NarutoConfig
 from hgs_core.planning.baselines.random_views import RandomConfig, RandomViews
 from hgs_core.planning.config import HierarchicalConfig
+from hgs_core.planning.directives import Directives
 from hgs_core.planning.gain_first import GainFirst, GainFirstConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.next_best_view import NextBestViewPlanner
@@ -81,6 +82,15 @@ class Splatted:
 
     def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple:
         return self._planner.unseen(snapshot, robot)
+
+    def obey(self, directives: Directives, start_xy_m: np.ndarray) -> None:
+        self._planner.obey(directives, start_xy_m)
+
+    def refuse(self, snapshot: MapSnapshot, x_m: float, y_m: float, yaw_rad: float) -> None:
+        self._planner.refuse(_splatted(snapshot), x_m, y_m, yaw_rad)
+
+    def adopt(self, snapshot: MapSnapshot, robot: RobotState, plan: Plan) -> None:
+        self._planner.adopt(_splatted(snapshot), robot, plan)
 
     def state(self) -> dict:
         return self._planner.state()

@@ -1,0 +1,42 @@
+"""What planners around a `Survey` share beyond planning: the operator's wishes, and what is unseen."""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+from numpy import ndarray
+
+from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.directives import Directives
+from hgs_core.planning.plan import Plan, UnseenRegion
+from hgs_core.planning.survey import Survey
+from hgs_core.robot.robot import RobotState
+
+
+class SurveyingPlanner:
+    """The part of a `Planner` that its survey answers for."""
+
+    def __init__(self, survey: Survey) -> None:
+        self._survey = survey
+
+    def obey(self, directives: Directives, start_xy_m: Float[ndarray, " 2"]) -> None:
+        """See `Planner`."""
+        self._survey.obey(directives, start_xy_m)
+        self._reconsider()
+
+    def refuse(self, snapshot: MapSnapshot, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """See `Planner`."""
+        self._survey.refuse(snapshot, x_m, y_m, yaw_rad)
+        self._reconsider()
+
+    def adopt(self, snapshot: MapSnapshot, robot: RobotState, plan: Plan) -> None:
+        """See `Planner`."""
+        self._survey.adopt(snapshot, robot, plan)
+
+    def unseen(self, snapshot: MapSnapshot, robot: RobotState) -> tuple[UnseenRegion, ...]:
+        """What is unseen now. Regions that were still to be visited have the reason `INTERRUPTED`."""
+        if not snapshot.voxels.states.size:
+            return ()
+        return self._survey.unseen(self._survey.cycle(snapshot, robot))
+
+    def _reconsider(self) -> None:
+        """Forget what was concluded under other wishes."""
