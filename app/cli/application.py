@@ -18,6 +18,7 @@ from app.cli.picture import picture
 from app.cli.presets import presets
 from app.cli.refine import refine
 from app.cli.report import report
+from app.cli.resume import resume
 from app.cli.run import run
 from app.cli.scenes import scenes
 from app.cli.serve import serve
@@ -50,6 +51,7 @@ application = typer.Typer(
     rich_markup_mode="rich",
 )
 application.command()(run)
+application.command()(resume)
 application.command()(evaluate)
 application.command()(refine)
 application.command()(report)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.console import ERRORS, OUTPUT
-from app.cli.exit_codes import exit_code_of
+from app.cli.exit_codes import ExitCode, exit_code_of
 from app.cli.interrupts import InterruptCommands
 from app.cli.progress import MissionProgress
 from app.cli.report_table import report_table
 from hgs_core.mission.clock import ClockKind
+
+if TYPE_CHECKING:
+    from hgs_core.mission.request import MissionRequest
 
 
 def run(
@@ -48,7 +51,8 @@ def run(
 ) -> None:
     """Run one mission: explore, map, evaluate, and leave a folder of results.
 
-    Ctrl-C ends the mission in order: the folder is complete, with stop_reason "interrupted".
+    Ctrl-C ends the mission in order: the folder is complete, with stop_reason "interrupted". After a crash,
+    `hgs resume` goes on from the last checkpoint.
 
     Exit codes:
     0 - the mission is complete;
@@ -70,12 +74,20 @@ def run(
         overrides=overrides,
         clock=str(clock) if clock is not None else None,
     )
+    raise typer.Exit(run_and_tell(request))
+
+
+def run_and_tell(request: MissionRequest) -> ExitCode:
+    """Run the mission in sight of the operator, whose Ctrl-C stops it."""
+    from hgs_core.mission import run as mission
+
     progress = MissionProgress(ERRORS)
     with progress, InterruptCommands(progress.say) as commands:
         report = mission.run_mission(request, observer=progress, commands=commands)
+    assert report is not None, "nobody suspends a mission from here"
     OUTPUT.print(report_table(report))
-    OUTPUT.print(f"results: {out}", highlight=False, soft_wrap=True)
-    raise typer.Exit(exit_code_of(report.stop_reason))
+    OUTPUT.print(f"results: {request.out}", highlight=False, soft_wrap=True)
+    return exit_code_of(report.stop_reason)
 
 
 def parse_settings(settings: list[str]) -> dict[str, str]:

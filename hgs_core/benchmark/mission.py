@@ -83,6 +83,7 @@ def run_mission_benchmark(
     recorder = _Recorder(observer)
     request = replace(request, overrides={**request.overrides, "evaluate": "false"})
     report = run_mission(request, observer=recorder, commands=commands)
+    assert report is not None, "nobody suspends a mission that is timed"
     plans, frames = recorder.plans, recorder.frames
     return MissionBenchmark(
         cpu=processor_name(),

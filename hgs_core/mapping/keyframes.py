@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
@@ -26,7 +25,9 @@ from hgs_core.mapping.keyframe_files import (
 from hgs_core.mapping.transforms import Transforms, write_transforms
 from hgs_core.sensing.frame import Frame
 
-_WORKING_FOLDER = "working"
+WORKING_FOLDER: Final = "working"
+"""Of a keyframe store: what only a mission that goes on needs."""
+_WORKING: Final = ("rgb", "depth")
 _N_PROBES = 64
 _OCCLUSION_MARGIN_M = 0.3
 
@@ -69,7 +70,7 @@ class KeyframeStore:
 
     For each keyframe the folder keeps the frame's full colour and the smoothed depth, compressed (0.5 MB),
     which are there to stay, and what the mapper draws again and again from, the halved image, as it is (1 MB,
-    loaded in half a millisecond), which `drop_working_files` removes.
+    loaded in half a millisecond), which lies in `WORKING_FOLDER` and goes with the end of the mission.
 
     Probes are surface points spread over a keyframe's image: two keyframes overlap when the probes of one
     fall into the image of the other.
@@ -78,7 +79,7 @@ class KeyframeStore:
     def __init__(self, folder: Path, *, range_m: float) -> None:
         """`range_m` is the farthest depth that frames hold: it decides the unit of the depth files."""
         self._folder = folder
-        self._working = folder / _WORKING_FOLDER
+        self._working = folder / WORKING_FOLDER
         self._working.mkdir(parents=True, exist_ok=True)
         self._range_m = range_m
         self._depth_unit_m = depth_unit_m(range_m)
@@ -152,9 +153,13 @@ class KeyframeStore:
         )
         write_transforms(transforms, path)
 
-    def drop_working_files(self) -> None:
-        """Remove what only `load` needs: nothing can be loaded or added after."""
-        shutil.rmtree(self._working)
+    def files(self) -> list[Path]:
+        """Everything that lies on the disk of all keyframes, working files included."""
+        names = (
+            (colour_name(k), depth_name(k), *(f"{WORKING_FOLDER}/{k:06d}_{kind}.npy" for kind in _WORKING))
+            for k in range(len(self))
+        )
+        return [self._folder / name for of_one in names for name in of_one]
 
     def overlap(self, image: TrainingImage, *, range_m: float) -> Float[ndarray, " n_keyframes"]:
         """Share of `image`'s surface probes that each keyframe has in view within `range_m`."""

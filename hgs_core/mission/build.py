@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,7 @@ def build_mission(
     *,
     observer: MissionObserver,
     commands: CommandSource,
+    why_wait: Callable[[], str | None] = lambda: None,
 ) -> MissionParts:
     """Open the scene and put everything together. The only place that knows both maps and simulator.
 
@@ -105,6 +107,7 @@ def build_mission(
         commands=commands,
         navigator=Navigator(config.planner, config.robot),
         directives=config.directives,
+        why_wait=why_wait,
     )
     return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission, curve=curve)
 

@@ -15,6 +15,7 @@ from hgs_core.errors import ConfigError, Fault
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
+from hgs_core.mission.checkpoint_config import CheckpointConfig
 from hgs_core.mission.clock import ClockKind
 from hgs_core.planning.config import HierarchicalConfig, PlannerConfig
 from hgs_core.planning.directives import Directives
@@ -71,6 +72,7 @@ class MissionConfig(StrictConfig):
     clock: ClockKind = ClockKind.LOCKSTEP
     """`lockstep`: mission time is counted, and the same seed gives the same mission; `real`: it is wall time,
     the simulator's excepted, and mapper and planner must keep up."""
+    checkpoint: CheckpointConfig = CheckpointConfig()
     threads: int = Field(2, ge=1)
     """Threads of every kernel; part of what makes a run repeatable."""
     curve_interval_m: float = Field(0.0, ge=0)

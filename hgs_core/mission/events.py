@@ -153,6 +153,18 @@ class Notice(MissionEvent):
 
 
 @dataclass(frozen=True, kw_only=True)
+class CheckpointWritten(MissionEvent):
+    """From now on a killed mission goes on from `saved_s` or later."""
+
+    kind: ClassVar[str] = "checkpoint"
+    saved_s: float
+    """Mission time that it was taken at."""
+    size_bytes: int
+    took_s: float
+    """Wall seconds that the mission waited for it."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Resumed(MissionEvent):
     """Another process goes on from the mission as it was at `time_s`. What an earlier one told of later times
     comes again; where it comes out the same, as by the lockstep clock, it is not told a second time

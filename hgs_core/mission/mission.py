@@ -36,6 +36,7 @@ from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.sensing.sensor import Scanner, Sensor
 
 _POLL_S = 0.05
+_WAIT_POLL_S = 0.5
 
 
 class Mission:
@@ -60,7 +61,9 @@ class Mission:
         commands: CommandSource,
         navigator: Navigator,
         directives: Directives,
+        why_wait: Callable[[], str | None] = lambda: None,
     ) -> None:
+        """`why_wait` is asked before every frame: a reason why there can be none now, or None."""
         self.record = MissionRecord()
         self._robot = robot
         self._sensor = sensor
@@ -70,6 +73,7 @@ class Mission:
         self._planner_rng = planner_rng
         self._clock = clock
         self._observer = observer
+        self._why_wait = why_wait
         self._operator = Operator(commands)
         self._pilot = Pilot(
             robot=robot,
@@ -97,16 +101,17 @@ class Mission:
         """
         self._begin()
         while (ended := self._pilot.ended) is None:
+            self._wait_until_possible()
+            if self._operator.suspend_requested and not self._operator.stop_requested:
+                return self.record
             self.step()
             if self._pilot.ended is None:
                 between_frames()
-                if self._operator.suspend_requested and not self._operator.stop_requested:
-                    return self.record
         self.record.stop_reason, self.record.message = ended.reason, ended.message
         self.record.unseen = ended.unseen
         self._mapper.prune()
         self._observer.on_event(
-            MissionEnded(time_s=self._time_s, stop_reason=ended.reason, message=ended.message)
+            MissionEnded(time_s=self.time_s, stop_reason=ended.reason, message=ended.message)
         )
         return self.record
 
@@ -133,7 +138,7 @@ class Mission:
             "pilot": self._pilot.state(),
             "clock": self._clock.state(),
             "record": self.record.state(),
-            "wall_s": self._wall_s,
+            "wall_s": self.wall_s,
         }
 
     def restore(self, state: dict[str, Any], *, keyframe_folder: FilePath) -> None:
@@ -148,16 +153,18 @@ class Mission:
         self._began = True
 
     @property
-    def _time_s(self) -> float:
+    def time_s(self) -> float:
+        """Mission time."""
         return self._robot.state.timestamp_s
 
     @property
-    def _wall_s(self) -> float:
+    def wall_s(self) -> float:
+        """Wall seconds since it began, those of earlier processes included."""
         return time.perf_counter() - self._began_s
 
     def _begin(self) -> None:
         if self._began:
-            self._announce(self._pilot.phase, f"going on from {self._time_s:.1f} s")
+            self._announce(self._pilot.phase, f"going on from {self.time_s:.1f} s")
             return
         self._began = True
         self._announce(MissionPhase.RUNNING, "looking around")
@@ -226,13 +233,26 @@ class Mission:
             awaits = self._pilot.awaits
             self._announce(self._pilot.phase, f"{resumed}; {awaits}" if awaits is not None else resumed)
 
+    def _wait_until_possible(self) -> None:
+        """Stand still as long as there is a reason to; STOP and SUSPEND get through."""
+        reason = self._why_wait()
+        if reason is None:
+            return
+        self._announce(MissionPhase.PAUSED, reason)
+        with self._clock.stopped():
+            while self._why_wait() is not None and not self._operator.wants_an_end:
+                time.sleep(_WAIT_POLL_S)
+                self._operator.listen()
+        if not self._operator.wants_an_end:
+            self._announce(self._pilot.phase, "going on: what it waited for is there")
+
     def _take_directives(self) -> None:
         directives = self._operator.take_directives()
         if directives is not None:
             self._pilot.obey(directives)
 
     def _announce(self, phase: MissionPhase, reason: str) -> None:
-        self._observer.on_event(PhaseChanged(time_s=self._time_s, phase=phase, reason=reason))
+        self._observer.on_event(PhaseChanged(time_s=self.time_s, phase=phase, reason=reason))
 
     def _report_progress(self, frame: Frame, report: IntegrationReport) -> None:
         state, voxels = self._robot.state, self._mapper.voxels
@@ -254,7 +274,7 @@ class Mission:
                 iterations=self.record.iterations,
                 frames_dropped=self.record.frames_dropped,
                 frames_thinned=self.record.frames_thinned,
-                wall_s=self._wall_s,
+                wall_s=self.wall_s,
             )
         )
 
@@ -266,7 +286,7 @@ class Mission:
         half = frame.intrinsics.scaled(0.5)
         rendered = render(self._mapper.gaussians, half, frame.T_world_camera)
         return MissionView(
-            time_s=self._time_s,
+            time_s=self.time_s,
             snapshot=self._mapper.snapshot(),
             robot=self._robot.state,
             plan=self._pilot.plan,

@@ -1,85 +1,226 @@
-"""`run_mission`: from a request to a finished folder."""
+"""`run_mission`: from a request to a finished folder, over crashes if need be."""
 
 from __future__ import annotations
 
 import resource
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
+from typing import Any
 
-import numpy as np
-import yaml
-
-from hgs_core.errors import HgsError
-from hgs_core.evaluation.mission import evaluate_mission
+from hgs_core.errors import CheckpointError, HgsError
 from hgs_core.evaluation.report import MissionReport
-from hgs_core.evaluation.report_parts import PlanningCycle, Region, UnseenEntry
-from hgs_core.evaluation.result import EvaluationResult
-from hgs_core.evaluation.trajectory import Trajectory, write_trajectory
-from hgs_core.gaussians.ply import write_ply
-from hgs_core.geometry.se3 import SE3
-from hgs_core.mapping.keyframe_archive import KeyframeArchive
-from hgs_core.mapping.mesh_file import write_mesh
-from hgs_core.mapping.transforms import TRANSFORMS
-from hgs_core.mapping.volume_fusion import SurfaceMesh, fuse_mesh
 from hgs_core.mission.build import MissionParts, build_mission
+from hgs_core.mission.checkpoint import Checkpoint, CheckpointFolder
+from hgs_core.mission.checkpoint_keeper import CheckpointKeeper, CheckpointTold
 from hgs_core.mission.commands import CommandSource, Order
 from hgs_core.mission.config import MissionConfig, resolve_mission_config
-from hgs_core.mission.events import MissionObserver, MissionPhase, Notice, PhaseChanged, StopReason
-from hgs_core.mission.finished_run import RUN_CONFIG
-from hgs_core.mission.folder import EventLog, RunFolder
+from hgs_core.mission.disk_room import DiskRoom
+from hgs_core.mission.events import (
+    CheckpointWritten,
+    MissionEnded,
+    MissionObserver,
+    MissionPhase,
+    Notice,
+    PhaseChanged,
+    Resumed,
+    StopReason,
+)
+from hgs_core.mission.finished_run import FinishedRun, write_run_config
+from hgs_core.mission.folder import EventLog, RunFolder, partial_of
 from hgs_core.mission.record import MissionRecord
 from hgs_core.mission.report_page import write_report_page
 from hgs_core.mission.request import MissionRequest as MissionRequest
+from hgs_core.mission.results import Progress, evaluated, fused_mesh, report_of, write_results
 from hgs_core.mission.versions import software_versions
 from hgs_core.native import kernels
 
 
 def run_mission(
     request: MissionRequest, *, observer: MissionObserver, commands: CommandSource
-) -> MissionReport:
-    """Run one mission and write its folder. Blocks until it has ended and been evaluated.
+) -> MissionReport | None:
+    """Run one mission and write its folder. Blocks until it has ended and been evaluated, or was suspended:
+    then there is no report yet, and a request with `resume` goes on.
 
     An interrupted mission leaves a complete folder at once, without the mesh and the quality figures that
     take their time (`hgs mesh`, `hgs evaluate` and `hgs report` add them). Raises `ConfigError` or
-    `SceneError` before anything is written; a later `HgsError` ends the mission with `failed`.
+    `SceneError` before anything is written, and `CheckpointError` where a mission cannot be gone on with,
+    whose folder stays as it is; a later `HgsError` ends the mission with `failed`.
     """
-    config = _resolved(request)
+    request, config = _resolved(request)
+    folder = RunFolder.take_up(request.out) if request.resume else RunFolder.new(request.out)
+    if folder is None:
+        return _told_again(request, observer)
     kernels.set_threads(config.threads)
-    folder = RunFolder(request.out)
-    log = EventLog(folder.partial / "events.jsonl", observer)
-    try:
+    with folder:
+        log = EventLog(folder.events, observer)
+        try:
+            return _Run(request, config, folder, log).to_its_end(commands)
+        finally:
+            log.close()
+
+
+class _Run:
+    """One process's part in a mission: all of it, or from a checkpoint on."""
+
+    def __init__(
+        self, request: MissionRequest, config: MissionConfig, folder: RunFolder, log: EventLog
+    ) -> None:
+        self._request = request
+        self._config = config
+        self._folder = folder
+        self._log = log
+        self._checkpoints = CheckpointFolder(folder.partial, folder.checkpoints)
+        self._earlier_rss_mib = 0.0
+
+    def to_its_end(self, commands: CommandSource) -> MissionReport | None:
+        """See `run_mission`."""
+        checkpoint = None if self._folder.is_new else self._take_up()
+        parts = self._build(commands, checkpoint)
+        keeper = self._keeper(parts)
+        record = _explored(parts, keeper)
+        if record.stop_reason is None:
+            self._suspend(parts, keeper)
+            return None
+        keeper.finish()
+        report = self._write(parts, record)
+        self._folder.complete()
+        return report
+
+    def _take_up(self) -> Checkpoint | None:
+        """What there is to go on from; without any, the mission starts again."""
+        checkpoint, complaints = self._checkpoints.newest()
+        if checkpoint is None:
+            from_s, reason = 0.0, "nothing had been saved yet: the mission starts again"
+            self._folder.clear()
+        else:
+            from_s = float(checkpoint.state["time_s"])
+            reason = f"going on from the checkpoint of {from_s:.1f} s"
+            self._checkpoints.go_on_from(checkpoint)
+            self._folder.remove_keyframes_except(checkpoint.files)
+        self._log.go_on_from(from_s)
+        self._log.on_event(Resumed(time_s=from_s, reason=reason))
+        for message in complaints:
+            self._log.on_event(Notice(time_s=from_s, level="warning", message=message))
+        return checkpoint
+
+    def _build(self, commands: CommandSource, checkpoint: Checkpoint | None) -> MissionParts:
+        request, config, log = self._request, self._config, self._log
         log.on_event(
             PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason=f"opening scene {request.scene}")
         )
-        with _discarding(folder):
+        room = DiskRoom(
+            folder=self._folder.partial, least_free_bytes=config.checkpoint.least_free_mib * 2**20
+        )
+        try:
             parts = build_mission(
-                config, request.scene, request.seed, folder.keyframes, observer=log, commands=commands
+                config,
+                request.scene,
+                request.seed,
+                self._folder.keyframes,
+                observer=log,
+                commands=commands,
+                why_wait=room.why_wait,
             )
+        except HgsError:
+            if self._folder.is_new:  # a mission that cannot begin leaves nothing behind
+                self._folder.discard()
+            raise
+        if checkpoint is not None:
+            self._restore(parts, checkpoint)
+            return parts
         for message in parts.scene.notices:
             log.on_event(Notice(time_s=0.0, level="warning", message=message))
-        began = time.perf_counter()
-        record = _run(parts)
-        report = _report(request, config, parts, record, wall_s=time.perf_counter() - began)
-        progress = _Progress(log, parts.world.robot.state.timestamp_s)
-        _write_results(folder.partial, request, config, parts, record)
+        write_run_config(self._folder.partial, request, config, parts.scene.start)
+        return parts
+
+    def _restore(self, parts: MissionParts, checkpoint: Checkpoint) -> None:
+        state = checkpoint.state
+        try:
+            self._earlier_rss_mib = float(state["peak_rss_mib"])
+            parts.restore(state["parts"], keyframe_folder=self._folder.keyframes)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise CheckpointError(
+                f"{checkpoint.path} does not fit this mission and this version: {error!r}"
+            ) from error
+        for what, now in _software().items():
+            if state["software"].get(what) != now:
+                message = (
+                    f"goes on with {what} {now}, after {state['software'].get(what)}: the last digits may "
+                    "differ from those of a mission that was not interrupted"
+                )
+                self._log.on_event(Notice(time_s=parts.mission.time_s, level="warning", message=message))
+
+    def _keeper(self, parts: MissionParts) -> CheckpointKeeper:
+        mission = parts.mission
+
+        def state() -> dict[str, Any]:
+            return {
+                "time_s": mission.time_s,
+                "software": _software(),
+                "peak_rss_mib": self._peak_rss_mib(),
+                "parts": parts.state(),
+            }
+
+        def tell(told: CheckpointTold) -> None:
+            if told.problem is None:
+                self._log.on_event(
+                    CheckpointWritten(
+                        time_s=mission.time_s,
+                        saved_s=told.saved_s,
+                        size_bytes=told.size_bytes,
+                        took_s=told.took_s,
+                    )
+                )
+            else:
+                self._log.on_event(Notice(time_s=mission.time_s, level="warning", message=told.problem))
+
+        return CheckpointKeeper(
+            self._checkpoints,
+            self._config.checkpoint,
+            state=state,
+            files=lambda: parts.mapper.keyframes.files(),
+            mission=mission,
+            tell=tell,
+        )
+
+    def _suspend(self, parts: MissionParts, keeper: CheckpointKeeper) -> None:
+        keeper.save()
+        kept_s = keeper.finish()
+        reason = (
+            "nothing could be saved: it would start again"
+            if kept_s is None
+            else f"saved as it was at {kept_s:.1f} s, to be gone on with"
+        )
+        self._log.on_event(
+            PhaseChanged(time_s=parts.mission.time_s, phase=MissionPhase.SUSPENDED, reason=reason)
+        )
+
+    def _write(self, parts: MissionParts, record: MissionRecord) -> MissionReport:
+        """All results, into the unfinished folder."""
+        config, folder = self._config, self._folder.partial
+        report = report_of(self._request, config, parts, record, peak_rss_mib=self._peak_rss_mib())
+        progress = Progress(self._log, parts.mission.time_s)
+        write_results(folder, parts, record)
         if record.stop_reason is not StopReason.INTERRUPTED and record.poses:
-            mesh = _write_mesh(folder.partial, config, progress)
+            mesh = fused_mesh(folder, config, progress)
             if config.evaluate:
-                report = report.with_evaluation(_evaluate(config, parts, record, mesh, progress))
-        report.write(folder.partial / "report.json")
+                report = report.with_evaluation(evaluated(config, parts, record, mesh, progress))
+        report.write(folder / "report.json")
         caster = parts.scene.caster if config.evaluate else None
-        write_report_page(folder.partial, config, caster=caster, progress=progress)
-        log.on_event(PhaseChanged(time_s=progress.time_s, phase=MissionPhase.ENDED, reason=record.message))
-    finally:
-        log.close()
-    folder.complete()
-    return report
+        write_report_page(folder, config, caster=caster, progress=progress)
+        self._log.on_event(
+            PhaseChanged(time_s=progress.time_s, phase=MissionPhase.ENDED, reason=record.message)
+        )
+        return report
+
+    def _peak_rss_mib(self) -> float:
+        return max(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0, self._earlier_rss_mib)
 
 
-def _resolved(request: MissionRequest) -> MissionConfig:
+def _resolved(request: MissionRequest) -> tuple[MissionRequest, MissionConfig]:
+    """What is to be run; of a run that is taken up, as it was begun, whatever its preset says now."""
+    if request.resume and FinishedRun.is_described(partial_of(request.out)):
+        begun = FinishedRun.open(partial_of(request.out))
+        return replace(request, **begun.asked_for()), begun.config
     overrides = dict(request.overrides)
     if request.planner is not None:
         overrides["planner"] = request.planner
@@ -87,22 +228,25 @@ def _resolved(request: MissionRequest) -> MissionConfig:
         overrides["limits.max_time_s"] = repr(request.max_time_s)
     if request.clock is not None:
         overrides["clock"] = request.clock
-    return resolve_mission_config(request.preset, overrides)
+    return request, resolve_mission_config(request.preset, overrides)
 
 
-@contextmanager
-def _discarding(folder: RunFolder) -> Iterator[None]:
-    """A mission that cannot begin leaves nothing behind."""
+def _told_again(request: MissionRequest, observer: MissionObserver) -> MissionReport:
+    """A run that had come to its end before anybody was told."""
+    report = MissionReport.read(request.out / "report.json")
+    observer.on_event(
+        MissionEnded(
+            time_s=report.sim_time_s or 0.0,
+            stop_reason=StopReason(report.stop_reason),
+            message=report.stop_message,
+        )
+    )
+    return report
+
+
+def _explored(parts: MissionParts, keeper: CheckpointKeeper) -> MissionRecord:
     try:
-        yield
-    except HgsError:
-        folder.discard()
-        raise
-
-
-def _run(parts: MissionParts) -> MissionRecord:
-    try:
-        return parts.mission.run()
+        return parts.mission.run(between_frames=keeper.between_frames)
     except HgsError as error:
         record = parts.mission.record
         record.stop_reason = StopReason.FAILED
@@ -110,142 +254,9 @@ def _run(parts: MissionParts) -> MissionRecord:
         return record
 
 
-@dataclass(frozen=True)
-class _Progress:
-    """Tells what is done after the mission."""
-
-    log: EventLog
-    time_s: float
-
-    def __call__(self, message: str) -> None:
-        self.log.on_event(PhaseChanged(time_s=self.time_s, phase=MissionPhase.EVALUATING, reason=message))
-
-
-def _write_mesh(folder: Path, config: MissionConfig, progress: _Progress) -> SurfaceMesh | None:
-    """`mesh.ply` from the keyframes in `folder`; None where it is not wanted, or there is no surface."""
-    if not config.mesh.enabled:
-        return None
-    mesh = fuse_mesh(KeyframeArchive.open(folder), config.mesh, progress=progress)
-    if len(mesh.triangles) == 0:
-        message = "no mesh: the keyframes hold no depth that makes a surface"
-        progress.log.on_event(Notice(time_s=progress.time_s, level="warning", message=message))
-        return None
-    write_mesh(mesh, folder / "mesh.ply")
-    return mesh
-
-
-def _evaluate(
-    config: MissionConfig,
-    parts: MissionParts,
-    record: MissionRecord,
-    mesh: SurfaceMesh | None,
-    progress: _Progress,
-) -> EvaluationResult:
-    progress("comparing the map with the true surface")
-    return evaluate_mission(
-        scene=parts.scene,
-        caster=parts.scene.caster,
-        start_xy=(parts.scene.start.x_m, parts.scene.start.y_m),
-        gaussians=parts.mapper.gaussians,
-        mesh=mesh,
-        training_poses=_batched(record.poses),
-        intrinsics=config.sensor.camera.intrinsics(),
-        camera_height_m=config.sensor.camera.mount_height_m,
-        range_m=config.sensor.camera.range_m,
-        robot_radius_m=config.robot.radius_m,
-        robot_height_m=config.robot.height_m,
-        progress=progress,
-    )
-
-
-def _batched(poses: list[SE3]) -> SE3:
-    return SE3(
-        rotation=np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3),
-        translation=np.array([pose.translation for pose in poses]).reshape(-1, 3),
-    )
-
-
-def _report(
-    request: MissionRequest,
-    config: MissionConfig,
-    parts: MissionParts,
-    record: MissionRecord,
-    *,
-    wall_s: float,
-) -> MissionReport:
-    state, curve = parts.world.robot.state, parts.curve
-    return MissionReport.compose(
-        scene=parts.scene.name,
-        seed=request.seed,
-        preset=request.preset,
-        planner=request.planner or request.preset,
-        stop_reason=str(record.stop_reason),
-        stop_message=record.message,
-        wall_s=wall_s,
-        sim_time_s=state.timestamp_s,
-        path_length_m=state.path_length_m,
-        frames=len(record.poses),
-        keyframes=len(parts.mapper.keyframes),
-        n_gaussians=parts.mapper.gaussians.size,
-        peak_rss_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
-        planning_cycles=[
-            PlanningCycle(
-                viewpoint_evaluation_s=times.viewpoint_evaluation_s,
-                local_s=times.local_s,
-                global_s=times.global_s,
-            )
-            for times in record.planning
-        ],
-        mapping_s=record.mapping_s,
-        clock=str(config.clock),
-        iterations=record.iterations,
-        frames_dropped=record.frames_dropped,
-        frames_thinned=record.frames_thinned,
-        simulation_wall_s=sum(record.sensing_s),
-        collisions=state.collisions,
-        unseen=[
-            UnseenEntry(
-                region=Region(lower_m=region.lower_m, upper_m=region.upper_m),
-                volume_m3=region.volume_m3,
-                reason=str(region.reason),
-            )
-            for region in record.unseen
-        ],
-        versions=software_versions(),
-        kernel_variant=kernels.variant(),
-        threads=config.threads,
-        completion_curve=() if curve is None else curve.finished(state.path_length_m, state.timestamp_s),
-        curve_wall_s=None if curve is None else curve.wall_s,
-        evaluation=None,
-    )
-
-
-def _write_results(
-    folder: Path, request: MissionRequest, config: MissionConfig, parts: MissionParts, record: MissionRecord
-) -> None:
-    """Everything that needs no evaluation."""
-    write_ply(parts.mapper.gaussians, folder / "map.ply")
-    if len(parts.mapper.keyframes):
-        parts.mapper.keyframes.write_transforms(folder / TRANSFORMS)
-    parts.mapper.keyframes.drop_working_files()
-    trajectory = Trajectory(timestamps_s=np.array(record.timestamps_s), poses=_batched(record.poses))
-    write_trajectory(trajectory, folder / "trajectory.txt")
-    content = {
-        "scene": request.scene,
-        "preset": request.preset,
-        "planner": request.planner or request.preset,
-        "seed": request.seed,
-        "start": {
-            "x_m": parts.scene.start.x_m,
-            "y_m": parts.scene.start.y_m,
-            "yaw_rad": parts.scene.start.yaw_rad,
-        },
-        "versions": software_versions(),
-        "mission": config.model_dump(mode="json"),
-    }
-    partial = folder / f"{RUN_CONFIG}.partial"
-    partial.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    partial.replace(folder / RUN_CONFIG)
+def _software() -> dict[str, str]:
+    """What decides the last digits, beside the settings."""
+    return {**software_versions(), "kernels": kernels.variant()}
 
 
 class NoCommands:

@@ -102,10 +102,3 @@ def test_frames_of_another_camera_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="one camera"):
         add(store, image_at(0.5, 0.0), CameraIntrinsics.centred(120, 80, 61.0))
     assert len(store) == 1
-
-
-def test_only_compressed_images_outlive_the_working_files(tmp_path: Path) -> None:
-    store = KeyframeStore(tmp_path, range_m=5.0)
-    add(store, image_at(0.0, 0.0))
-    store.drop_working_files()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["000000.jpg", "000000_depth.png"]

@@ -46,7 +46,7 @@ SPEED = {"paper": 1.0, "best": 0.9, "coverage": 1.2, "quality": 1.5, "both": 1.1
 
 def run(request: MissionRequest, *, observer: MissionObserver, commands: CommandSource) -> None:
     """With the signature of `run_mission`."""
-    folder = RunFolder(request.out)
+    folder = RunFolder.new(request.out)
     if request.seed == FAILING:
         raise SceneError("no floor & nowhere to stand: 50% of {x_1}")
     if request.seed == DYING:

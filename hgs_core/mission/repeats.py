@@ -1,0 +1,47 @@
+"""Which events of a mission that goes on from a checkpoint were told before it broke off."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+_REPEATED: Final = frozenset({"telemetry", "plan", "notice", "ended"})
+"""Kinds of events that tell what happens in the mission. All others tell what its process does."""
+_INCIDENTAL: Final = frozenset(
+    {
+        *("wall_s", "mapping_s", "planning_s", "viewpoint_evaluation_s", "local_s", "global_s"),
+        *("sequence", "received_at", "view_sequence"),
+    }
+)
+"""What differs each time the same happens: wall times, and what a service adds."""
+
+
+class Repeats:
+    """What had been told of the moment that a mission goes on from, and of later ones.
+
+    Lockstep missions live through the same again, and it would be told twice. An event that says anything
+    else than one told before is no repeat: by the real clock, or after an operator's command, the mission
+    takes another course, which is news.
+    """
+
+    def __init__(self, told: Iterable[Mapping[str, Any]]) -> None:
+        self._told = frozenset(_said(event) for event in told if event.get("kind") in _REPEATED)
+
+    @staticmethod
+    def after(time_s: float, told: Iterable[Mapping[str, Any]]) -> Repeats:
+        """Of all events in a log, those of `time_s` or later."""
+        return Repeats(event for event in told if event.get("time_s", -1.0) >= time_s)
+
+    def holds(self, event: Mapping[str, Any]) -> bool:
+        return bool(self._told) and event["kind"] in _REPEATED and _said(event) in self._told
+
+
+NO_REPEATS: Final = Repeats(())
+
+
+def _said(event: Mapping[str, Any]) -> bytes:
+    """A digest of what the event tells."""
+    told = {key: value for key, value in event.items() if key not in _INCIDENTAL}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).digest()
