@@ -141,6 +141,9 @@ class Settings(StrictConfig):
     """Serve the 3D viewer."""
     missions_at_once: int = Field(1, ge=1, le=64)
     """Missions that may run beside each other; further ones are queued."""
+    resume_on_start: bool = False
+    """Resume interrupted missions as soon as the service is up. Off by default: a robot does not begin to
+    move because a computer was switched on, but because somebody who can see it said so."""
     mission_threads: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1)
     """Threads for all missions together."""
     limits: LimitSettings = LimitSettings()
@@ -189,6 +192,7 @@ def settings_from_environment(
         database_url=_database_url(told),
         demo=demo,
         missions_at_once=missions_at_once,
+        resume_on_start=_yes(told, "HGS_RESUME_ON_START"),
         scenes_dir=Path(scenes).resolve() if scenes else None,
         access=AccessSettings(
             operator_token=_secret(told, "HGS_OPERATOR_TOKEN"),

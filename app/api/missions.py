@@ -155,6 +155,8 @@ def pause_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
     responses=_Refusable,
 )
 def resume_mission(mission_id: MissionId, service: ServiceDep) -> MissionDetail:
+    """Let a paused mission go on, or an interrupted one from its last checkpoint, in a process of its own (or
+    queue it)."""
     return detail(service.resume(mission_id))
 
 

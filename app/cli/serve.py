@@ -29,7 +29,7 @@ def serve(
     """Serve the operator page and the HTTP interface until Ctrl-C.
 
     The environment says the rest: HGS_OPERATOR_TOKEN, HGS_VIEWER_TOKEN, HGS_TOKEN_FILE, HGS_ALLOWED_HOSTS,
-    HGS_TRUSTED_PROXIES, HGS_DATABASE_URL, HGS_SCENES_DIR.
+    HGS_TRUSTED_PROXIES, HGS_DATABASE_URL, HGS_SCENES_DIR, HGS_RESUME_ON_START.
     Exit codes: 0 stopped, 2 an option or a variable is wrong, 4 the address cannot be used.
     """
     from app import main

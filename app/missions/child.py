@@ -5,6 +5,7 @@ Only the standard library is imported before the thread caps are set: numerical 
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import logging
 import os
@@ -79,8 +80,9 @@ def run_child(task: ChildTask, events: Connection, commands: Connection) -> None
     code = _run(task, sender, receiver, slot)
     slot.close()
     sender.close()
-    sys.stdout.flush()
-    sys.stderr.flush()
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
     sys.exit(code)
 
 
@@ -98,6 +100,7 @@ def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: 
             max_time_s=task.max_time_s,
             clock=task.clock,
             overrides=dict(task.overrides),
+            resume=True,
         )
         run(
             request,
@@ -105,11 +108,27 @@ def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: 
             commands=_Commands(receiver, sender),
         )
     except Exception as error:
-        log.exception("the mission failed")
-        sender.send({"control": "failed", "error": type(error).__name__, "message": str(error)})
+        with contextlib.suppress(OSError):  # a full disk takes no output either
+            log.exception("the mission failed")
+        sender.send(
+            {
+                "control": "failed",
+                "error": type(error).__name__,
+                "message": str(error),
+                "final": _is_final(error),
+            }
+        )
         return EXIT_FAILED
     sender.send({"control": "finished"})
     return 0
+
+
+def _is_final(error: Exception) -> bool:
+    """Whether going on from the last checkpoint would come to the same: refused on purpose, but for a
+    checkpoint that another version of this software can read."""
+    from hgs_core.errors import CheckpointError, HgsError
+
+    return isinstance(error, HgsError) and not isinstance(error, CheckpointError)
 
 
 class _Observer:
@@ -181,12 +200,13 @@ class _Commands:
 
 
 def _watch_parent(receiver: CommandReceiver, orphan_s: float) -> None:
-    """End this process soon after the service died: first by STOP, which saves the results, then hard."""
+    """End this process soon after the service died: first by SUSPEND, which saves a checkpoint for the next
+    service to go on from, then hard."""
     parent: Any = parent_process()
 
     def wait() -> None:
         parent.join()
-        receiver.stop_now()
+        receiver.suspend_now()
         time.sleep(orphan_s)
         os._exit(EXIT_ORPHANED)
 

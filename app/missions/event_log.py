@@ -125,6 +125,18 @@ class EventLog:
         found = self._store.events(self._mission_id, before=sequence + 1, limit=1, kinds=[kind], newest=True)
         return found[0] if found else None
 
+    def told_since(self, time_s: float) -> list[Event]:
+        """What was told of this mission time and later ones, and is saved or waits to be."""
+        found: list[Event] = []
+        page, more = self.history(limit=STORED_PAGE, newest=True)
+        while page:
+            found = [event for event in page if event.get("time_s", -1.0) >= time_s] + found
+            if not more or any(0.0 <= event.get("time_s", -1.0) < time_s for event in page):
+                break
+            page, more = self.history(before=page[0]["sequence"], limit=STORED_PAGE, newest=True)
+        with self._writing:
+            return found + [event for event in self._unsaved if event.get("time_s", -1.0) >= time_s]
+
     def newest(self, kind: str) -> Event | None:
         with self._lock:
             known = self._newest.get(kind)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import threading
@@ -23,6 +24,7 @@ from app.storage.database import StorageError
 from app.storage.missions import MissionStore
 from app.storage.tables import FilesKept, MissionRecord
 from hgs_core.mission.commands import Decide, Direct, as_text
+from hgs_core.mission.repeats import NO_REPEATS, Repeats
 from hgs_core.planning.directives import Directives
 
 log = logging.getLogger(__name__)
@@ -53,6 +55,10 @@ class Mission:
         self._stop_reason: str | None = None
         self._end_message: str | None = None
         self._phase: str | None = None
+        self._phase_reason = ""
+        self._repeats = NO_REPEATS
+        self._told_until_s = -math.inf
+        self._views_before = record.view_sequence
         self._requested: str | None = None
         self._view: tuple[int, DisplayView] | None = None
         self._heard_at: float | None = None
@@ -155,24 +161,37 @@ class Mission:
         event = self.log.newest("approval") if self.state.active else None
         return event if event is not None and event["state"] == "waiting" else None
 
-    def enqueue(self, reason: str) -> None:
-        """Go from created to queued. Raises `Conflict` in another state."""
+    def enqueue(self, command: str, reason: str) -> None:
+        """Go to queued, from created by start, from interrupted by resume. Raises `Conflict` otherwise."""
         with self._lock:
-            self._require("start")
+            self._require_without_process(command)
             self._change(MissionState.QUEUED, reason, queued_at=time.time())
 
-    def begin(self, launch: Callable[[Mission], Supervisor]) -> None:
-        """Go from created or queued to starting and launch the process. Raises `Conflict` otherwise."""
+    def begin(self, launch: Callable[[Mission], Supervisor], command: str = "start") -> None:
+        """Go to starting, from queued, or as `enqueue` does, and launch the process, which goes on from a
+        checkpoint where an earlier one left any. Raises `Conflict` otherwise.
+        """
         with self._lock:
             if self.state is not MissionState.QUEUED:
-                self._require("start")
-            self._change(MissionState.STARTING, "the mission process is starting", started_at=time.time())
+                self._require_without_process(command)
+            began_before = self._record.started_at is not None
+            self._stop_reason = self._end_message = self._phase = self._requested = None
+            self._views_before = self._record.view_sequence
+            self._change(
+                MissionState.STARTING,
+                f"the mission process is starting{' again' if began_before else ''}",
+                started_at=self._record.started_at or time.time(),
+                stop_reason=None,
+            )
             self._heard_at = time.monotonic()
             try:
                 self._supervisor = launch(self)
             except Exception as error:
                 reason = f"the mission process could not be started: {error}"
-                self._end(MissionState.FAILED, reason)
+                if began_before:
+                    self._interrupt(reason)
+                else:
+                    self._end(MissionState.FAILED, reason)
                 raise Unavailable(reason) from error
             self._supervisor.listen()
 
@@ -230,12 +249,24 @@ class Mission:
             if self.state.ended:
                 return
             if not self.state.active:
-                self._end(MissionState.ABORTED, f"{reason} before it started")
+                began = self._record.started_at is not None
+                self._stop_reason = "interrupted" if began else None
+                when = "after it was interrupted" if began else "before it started"
+                self._end(MissionState.ABORTED, f"{reason} {when}")
                 return
             if self._supervisor is not None:
                 self._supervisor.stop()
             if self.state is not MissionState.STOPPING:
                 self._change(MissionState.STOPPING, f"{reason}; it writes its results")
+
+    def suspend(self, reason: str) -> None:
+        """Let its process save a checkpoint and end, to be resumed later. One that is stopping goes on with
+        that as long as it may."""
+        with self._lock:
+            if self._supervisor is None or not self.state.active or self.state is MissionState.STOPPING:
+                return
+            self._supervisor.suspend()
+            self._change(MissionState.STOPPING, f"{reason}; it saves a checkpoint")
 
     def force(self, reason: str) -> None:
         supervisor = self._supervisor
@@ -253,39 +284,53 @@ class Mission:
         with self._lock:
             if event["kind"] == "telemetry":
                 event["view_sequence"] = self.view_sequence
-            numbered = self.log.append({"received_at": time.time(), **in_degrees(event)})
-            if numbered["kind"] == "phase":
-                self._follow_phase(str(numbered["phase"]), str(numbered["reason"]))
-            elif numbered["kind"] == "ended":
-                self._stop_reason = str(numbered["stop_reason"])
-                self._end_message = str(numbered["message"])
+            if event["kind"] == "resumed":
+                self._go_on_from(float(event["time_s"]))
+            shown = in_degrees(event)
+            if not self._repeats.holds(shown):
+                self.log.append({"received_at": time.time(), **shown})
+            if event["kind"] == "phase":
+                self._follow_phase(str(event["phase"]), str(event["reason"]))
+            elif event["kind"] == "ended":
+                self._stop_reason = str(event["stop_reason"])
+                self._end_message = str(event["message"])
 
     def on_view(self, sequence: int, view: DisplayView) -> None:
         self._heard_at = time.monotonic()
-        self._view = (sequence, view)
-        if self.moments.is_due(view.time_s):
+        self._view = (self._views_before + sequence, view)
+        if view.time_s > self._told_until_s and self.moments.is_due(view.time_s):
             self._keep_moment(view)
 
     def on_end(self, outcome: Outcome) -> None:
         """Settle the final state. Nothing the process did or failed to do keeps a mission from ending."""
         with self._lock:
-            message = self._end_message or ""
-            if outcome.error is not None and outcome.forced and outcome.stopped:
+            if outcome.error is None and self._phase == "suspended":
+                self._interrupt(f"suspended: {self._phase_reason}")
+            elif outcome.error is None:
+                self._settle(self._stop_reason, self._end_message)
+            elif self.settle_by_results():
+                log.warning("mission %s had come to its end: %s", self.id, outcome.error)
+            elif outcome.forced and outcome.stopped:
                 self._end(MissionState.ABORTED, outcome.error)
-            elif outcome.error is not None:
+            elif outcome.final:
                 self._end(MissionState.FAILED, outcome.error)
-            elif self._stop_reason == "failed":
-                self._end(MissionState.FAILED, message or "the mission failed")
-            elif self._stop_reason == "interrupted":
-                self._end(MissionState.ABORTED, message or "stopped by the operator")
             else:
-                self._end(MissionState.COMPLETED, message or "the mission ended by itself")
+                self._interrupt(outcome.error)
 
-    def abandon(self, reason: str) -> None:
-        """Mark a mission failed that no process belongs to any more."""
+    def recover(self, reason: str) -> None:
+        """Settle a mission whose process another service had: it has ended, or is interrupted."""
         with self._lock:
-            self._stop_reason = "interrupted"
-            self._end(MissionState.FAILED, reason)
+            if not self.settle_by_results():
+                self._interrupt(reason)
+
+    def settle_by_results(self) -> bool:
+        """End as the results say, where the mission's folder is complete; whether it is."""
+        with self._lock:
+            found = _end_of_run(self.results_dir)
+            if found is None:
+                return False
+            self._settle(*found)
+            return True
 
     def pin(self, pinned: bool, by: str) -> None:
         """Keep its files whatever room others need, or let them go with the others'."""
@@ -310,11 +355,43 @@ class Mission:
     def _command(self, command: str) -> None:
         with self._lock:
             self._require(command)
+            if self._supervisor is None:
+                raise Conflict(f"cannot {command} mission {self.id} now: {self.record.reason}")
             if self._requested == command:
                 return  # already on its way
             self._requested = command
-            assert self._supervisor is not None
             self._supervisor.send(command)
+
+    def _settle(self, stop_reason: str | None, message: str | None) -> None:
+        """End as the mission itself says that it has ended."""
+        self._stop_reason = stop_reason
+        if stop_reason == "failed":
+            self._end(MissionState.FAILED, message or "the mission failed")
+        elif stop_reason == "interrupted":
+            self._end(MissionState.ABORTED, message or "stopped by the operator")
+        else:
+            self._end(MissionState.COMPLETED, message or "the mission ended by itself")
+
+    def _interrupt(self, reason: str) -> None:
+        """What is known stays, and another process may go on."""
+        views = self._keep_view() or self._record.view_sequence
+        self._supervisor = None
+        self._change(MissionState.INTERRUPTED, reason, stop_reason="interrupted", view_sequence=views)
+
+    def _go_on_from(self, time_s: float) -> None:
+        """A process goes on from this moment: what was told of later ones is not told again."""
+        told = self.log.told_since(time_s)
+        self._repeats = Repeats(told)
+        self._told_until_s = max((float(event["time_s"]) for event in told), default=time_s)
+        # It knows what was asked of it then; what counts is what is asked of it now.
+        if self._supervisor is not None and self.log.newest("directives") is not None:
+            self._supervisor.send(as_text(Direct(directives=self.directives)))
+
+    def _require_without_process(self, command: str) -> None:
+        """`_require`, for a command that needs a process to be launched."""
+        self._require(command)
+        if self.state.active:
+            raise Conflict(f"cannot {command} mission {self.id}: its process runs")
 
     def _require(self, command: str, allowed: frozenset[MissionState] | None = None) -> None:
         allowed = COMMANDS[command] if allowed is None else allowed
@@ -326,7 +403,7 @@ class Mission:
             )
 
     def _follow_phase(self, phase: str, reason: str) -> None:
-        self._phase = phase
+        self._phase, self._phase_reason = phase, reason
         state = _PHASE_STATES.get(phase)
         if state is None or (state is not self.state and state not in TRANSITIONS[self.state]):
             return
@@ -382,6 +459,15 @@ class Mission:
                 self.on_event(
                     {"kind": "notice", "time_s": view.time_s, "level": "warning", "message": message}
                 )
+
+
+def _end_of_run(folder: Path) -> tuple[str | None, str | None] | None:
+    """Why the run in `folder` ended, and in which words; None where there is no complete run."""
+    try:
+        report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return report.get("stop_reason"), report.get("stop_message")
 
 
 def in_degrees(value: Any) -> Any:

@@ -87,13 +87,16 @@ class MissionService:
         return self._closing
 
     def begin(self) -> None:
-        """Take up what an earlier service left: what ran then has failed, what was queued is started."""
+        """Take up what an earlier service left: what ran then is interrupted, unless its process came to its
+        end; what was queued is started, and with `resume_on_start` what is interrupted."""
         for record in self._store.unfinished():
             mission = self._mission_of(record)
             if mission.state.active:
-                mission.abandon(f"the service ended while the mission was {record.state}")
-            else:
+                mission.recover(f"the service ended while the mission was {record.state}")
+            if not mission.state.ended:
                 self._unfinished[record.id] = mission
+            if self._settings.resume_on_start and mission.state is MissionState.INTERRUPTED:
+                mission.enqueue("resume", "resumed by the service, which has started again")
         self._start_queued()
 
     def replay(self, idempotency: Idempotency) -> Mission | None:
@@ -148,18 +151,8 @@ class MissionService:
         `NoRoom`.
         """
         self._make_room()
-        with self._lock:
-            mission = self.get(mission_id)
-            if self._free_slots() > 0 and not self.queued():
-                try:
-                    mission.begin(self._launch)
-                finally:
-                    self._forget_if_ended(mission)
-            else:
-                at_once = self._settings.missions_at_once
-                missions_run = "missions run" if at_once > 1 else "mission runs"
-                mission.enqueue(f"waits for a free place: {at_once} {missions_run} at a time")
-                self._start_queued()  # there may be a free place if one before could not be started
+        mission = self.get(mission_id)
+        self._start_or_queue(mission, "start")
         return mission
 
     def pause(self, mission_id: str) -> Mission:
@@ -168,8 +161,16 @@ class MissionService:
         return mission
 
     def resume(self, mission_id: str) -> Mission:
+        """Let a paused mission go on, or launch an interrupted one again (or queue it) to go on from its last
+        checkpoint. Raises `Conflict` in other states, and `NoRoom`."""
         mission = self.get(mission_id)
-        mission.resume()
+        if mission.state is not MissionState.INTERRUPTED:
+            mission.resume()
+        elif mission.settle_by_results():  # its process lived on after its service, and came to its end
+            self._forget_if_ended(mission)
+        else:
+            self._make_room()
+            self._start_or_queue(mission, "resume")
         return mission
 
     def direct(self, mission_id: str, directives: Directives) -> Mission:
@@ -247,13 +248,14 @@ class MissionService:
         self._make_room = make_room
 
     def shutdown(self) -> None:
-        """Stop the running missions: politely, then by force. Queued ones wait for the next service."""
+        """Suspend the running missions: politely, then by force. The next service can resume them, and queued
+        ones wait for it."""
         limits = self._settings.supervision
         with self._lock:
             self._closing = True
         missions = self.running()
         for mission in missions:
-            mission.stop("the service shuts down")
+            mission.suspend("the service shuts down")
         deadline = time.monotonic() + limits.shutdown_s
         for mission in missions:
             if not mission.join(max(0.0, deadline - time.monotonic())):
@@ -267,6 +269,19 @@ class MissionService:
             folder / "moments", self._settings.moments, below_m=self._settings.display.clip_height_m
         )
         return Mission(record, self._store, folder, moments)
+
+    def _start_or_queue(self, mission: Mission, command: str) -> None:
+        with self._lock:
+            if self._free_slots() > 0 and not self.queued():
+                try:
+                    mission.begin(self._launch, command)
+                finally:
+                    self._forget_if_ended(mission)
+                return
+            at_once = self._settings.missions_at_once
+            missions_run = "missions run" if at_once > 1 else "mission runs"
+            mission.enqueue(command, f"waits for a free place: {at_once} {missions_run} at a time")
+            self._start_queued()  # there may be a free place if one before could not be started
 
     def _free_slots(self) -> int:
         return self._settings.missions_at_once - len(self.running())

@@ -2,12 +2,16 @@
 
 ```text
 created -> (queued) -> starting -> running <-> paused
-                          |           |          |
-                          +-----------+----------+--> stopping -> completed | failed | aborted
+              ^           |           |          |
+              |           +-----------+----------+--> stopping -> completed | failed | aborted
+              |           |           |          |        |
+              +------ interrupted <---+----------+--------+
 ```
 
 A mission is queued when it was started while as many missions ran as may run at once.
 A mission that ends by itself passes `stopping` too: that is when it evaluates and writes its folder.
+A mission whose process or service ended under it is interrupted: it goes on from its last checkpoint when it
+is resumed, or is given up by STOP.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ class MissionState(StrEnum):
     RUNNING = "running"
     PAUSED = "paused"
     STOPPING = "stopping"
+    INTERRUPTED = "interrupted"
     COMPLETED = "completed"
     FAILED = "failed"
     ABORTED = "aborted"
@@ -43,14 +48,17 @@ class MissionState(StrEnum):
 
 
 _ENDS = frozenset({MissionState.COMPLETED, MissionState.FAILED, MissionState.ABORTED})
+_BROKEN_OFF = _ENDS | {MissionState.INTERRUPTED}
 
 TRANSITIONS: Final[dict[MissionState, frozenset[MissionState]]] = {
     MissionState.CREATED: frozenset({MissionState.QUEUED, MissionState.STARTING, MissionState.ABORTED}),
     MissionState.QUEUED: frozenset({MissionState.STARTING, MissionState.ABORTED}),
-    MissionState.STARTING: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _ENDS,
-    MissionState.RUNNING: frozenset({MissionState.PAUSED, MissionState.STOPPING}) | _ENDS,
-    MissionState.PAUSED: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _ENDS,
-    MissionState.STOPPING: _ENDS,
+    MissionState.STARTING: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _BROKEN_OFF,
+    MissionState.RUNNING: frozenset({MissionState.PAUSED, MissionState.STOPPING}) | _BROKEN_OFF,
+    MissionState.PAUSED: frozenset({MissionState.RUNNING, MissionState.STOPPING}) | _BROKEN_OFF,
+    MissionState.STOPPING: _BROKEN_OFF,
+    # Completed, failed: its process had come to its end, as is found out when it is resumed.
+    MissionState.INTERRUPTED: frozenset({MissionState.QUEUED, MissionState.STARTING}) | _ENDS,
     MissionState.COMPLETED: frozenset(),
     MissionState.FAILED: frozenset(),
     MissionState.ABORTED: frozenset(),
@@ -60,7 +68,7 @@ TRANSITIONS: Final[dict[MissionState, frozenset[MissionState]]] = {
 COMMANDS: Final[dict[str, frozenset[MissionState]]] = {
     "start": frozenset({MissionState.CREATED}),
     "pause": frozenset({MissionState.RUNNING}),
-    "resume": frozenset({MissionState.PAUSED}),
+    "resume": frozenset({MissionState.PAUSED, MissionState.INTERRUPTED}),
     "stop": frozenset(MissionState),
 }
 """In which states an operator's command makes sense; stop always does."""

@@ -39,6 +39,8 @@ class Outcome:
     """Whether it was asked to stop."""
     forced: bool
     """Whether it had to be terminated or killed."""
+    final: bool
+    """Whether it refused to go on, so that another process would, too."""
 
 
 class Supervisor:
@@ -107,6 +109,10 @@ class Supervisor:
         if not self._stop_requested.is_set():
             self._stop_requested.set()
             self.send("stop")
+
+    def suspend(self) -> None:
+        """Ask the process to save a checkpoint and end."""
+        self.send("suspend")
 
     def join(self, timeout_s: float | None = None) -> bool:
         """Wait for the end; whether it has come."""
@@ -201,7 +207,10 @@ class Supervisor:
 
     def _outcome(self) -> Outcome:
         return Outcome(
-            error=self._error(), stopped=self._stop_requested.is_set(), forced=self._forced is not None
+            error=self._error(),
+            stopped=self._stop_requested.is_set(),
+            forced=self._forced is not None,
+            final=self._verdict is not None and bool(self._verdict.get("final")),
         )
 
     def _error(self) -> str | None:

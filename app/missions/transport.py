@@ -2,7 +2,7 @@
 
 - `ArraySlot`: arrays, newest wins, through double-buffered shared memory. A reader never sees a torn set.
 - `EventSender`: small events through a pipe, in order; under pressure telemetry is dropped, nothing else.
-- `CommandReceiver`: operator commands through a pipe; STOP overtakes whatever waits before it.
+- `CommandReceiver`: operator commands through a pipe; STOP and SUSPEND overtake whatever waits before them.
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ class CommandReceiver:
     """Orders of the operator as texts (`hgs_core.mission.commands`), each handed out once.
 
     STOP overtakes whatever waits before it, and nothing comes after it: callers may poll until there is
-    nothing left.
+    nothing left. Likewise SUSPEND, after which only STOP comes; a service that is gone means SUSPEND.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -199,11 +199,13 @@ class CommandReceiver:
         self._stop_wanted = False
         self._stop_handed_out = False
         self._gone = False
+        self._suspend_wanted = False
+        self._suspend_handed_out = False
 
-    def stop_now(self) -> None:
-        """Let the next `poll` return stop, whatever the pipe holds."""
+    def suspend_now(self) -> None:
+        """Let the next `poll` return suspend, whatever else but STOP the pipe holds."""
         with self._lock:
-            self._stop_wanted = True
+            self._suspend_wanted = True
 
     def wait_for_stop(self) -> bool:
         """Wait until STOP comes, whether or not anybody polls meanwhile; false when none can come."""
@@ -223,6 +225,11 @@ class CommandReceiver:
             if self._stop_wanted:
                 self._stop_handed_out = True
                 return "stop"
+            if self._suspend_handed_out:
+                return None
+            if self._suspend_wanted:
+                self._suspend_handed_out = True
+                return "suspend"
             return self._waiting.popleft() if self._waiting else None
 
     def _receive(self) -> None:
@@ -231,8 +238,9 @@ class CommandReceiver:
                 self._waiting.append(self._connection.recv_bytes().decode())
         except (EOFError, OSError):  # the service has gone
             self._gone = True
-            self._stop_wanted = True
+            self._suspend_wanted = True
         self._stop_wanted |= "stop" in self._waiting
+        self._suspend_wanted |= "suspend" in self._waiting
 
 
 def plain_json(value: Any) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from hgs_core.mission.events import (
     Notice,
     PhaseChanged,
     PlanMade,
+    Resumed,
     StopReason,
     Telemetry,
 )
@@ -99,7 +101,14 @@ def _drive(
     exit_at: int = -1,
     deaf: bool = False,
 ) -> None:
-    """Along a circle through one furnished room, obeying commands like the real loop."""
+    """Along a circle through one furnished room, obeying commands like the real loop. Every tenth frame is
+    saved, and a mission that was begun before goes on from there."""
+    saved = Path(f"{request.out}.partial") / "saved.json"
+    frame = json.loads(saved.read_text()) if request.resume and saved.is_file() else 0
+    saved.parent.mkdir(parents=True, exist_ok=True)
+    if request.resume and saved.is_file():
+        observer.on_event(Resumed(time_s=frame * FRAME_INTERVAL_S, reason="going on from what was saved"))
+    saved.write_text(json.dumps(frame))
     observer.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason="opening the fake room"))
     rng = np.random.default_rng(request.seed)
     world = _room(rng)
@@ -110,7 +119,6 @@ def _drive(
     stop_reason, message = StopReason.COMPLETE, "nothing worth seeing is left"
     began = time.perf_counter()
     paused = False
-    frame = 0
     asked = _Asked(request, observer)
     while frame < frames:
         command = None if deaf else asked.newest(commands)
@@ -118,6 +126,11 @@ def _drive(
         if command is Command.STOP:
             stop_reason, message = StopReason.INTERRUPTED, "stopped by the operator"
             break
+        if frame % 10 == 0 or command is Command.SUSPEND:
+            saved.write_text(json.dumps(frame))
+        if command is Command.SUSPEND:
+            observer.on_event(PhaseChanged(time_s=time_s, phase=MissionPhase.SUSPENDED, reason="saved"))
+            return
         if command is Command.PAUSE and not paused:
             paused = True
             observer.on_event(
@@ -141,7 +154,7 @@ def _drive(
             gaussians.append(world[gaussians.size : gaussians.size + grown], anchor_keyframe=frame)
         robot = _robot(share, frame)
         trajectory.append(np.array([robot.x_m, robot.y_m, 1.0], np.float32))
-        plan = _plan(robot, share, rng)
+        plan = _plan(robot, share, np.random.default_rng([request.seed, frame]))
         observer.on_event(_telemetry(frame, share, robot, gaussians.size, began))
         if frame % 5 == 0:
             observer.on_event(_plan_event(plan, time_s, frame // 5 + 1))
@@ -412,6 +425,7 @@ def _view(
 
 def _write(request: Any, stop_reason: StopReason, frames: int) -> None:
     out = Path(request.out)
+    shutil.rmtree(f"{out}.partial")
     out.mkdir(parents=True)
     report = {
         "scene": request.scene,

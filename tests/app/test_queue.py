@@ -73,7 +73,7 @@ def test_the_queue_outlives_the_service_and_goes_on_in_order(service):
         start(client, mission)
     again = service("run_long")
     states = {m["id"]: m["state"] for m in again.get("/api/v1/missions").json()["missions"]}
-    assert states[first] == "aborted"
+    assert states[first] == "interrupted"
     wait_for(again, waiting[0], "running")
     assert again.get("/api/v1/missions").json()["queued"] == [waiting[1]]
     told = again.get(f"/api/v1/missions/{waiting[0]}/events", params={"kind": "state"}).json()["events"]

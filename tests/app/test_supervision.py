@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import psutil
 import pytest
@@ -67,11 +68,11 @@ def _kill_service_around(tmp_path, repository, runner_name: str, orphan_s: float
     return mission, results
 
 
-def test_a_mission_that_lost_its_service_saves_its_results_and_ends(tmp_path, repository):
+def test_a_mission_that_lost_its_service_saves_where_it_is_and_ends(tmp_path, repository):
     mission, results = _kill_service_around(tmp_path, repository, "run_long", orphan_s=60.0)
     wait_until(lambda: not mission.is_running())
-    with open(f"{results}/report.json") as report:
-        assert "interrupted" in report.read()
+    assert not Path(results).exists()
+    assert int(Path(f"{results}.partial/saved.json").read_text()) >= 0
 
 
 def test_the_next_service_says_what_became_of_a_mission_that_lost_its_service(tmp_path, repository):
@@ -84,11 +85,11 @@ def test_the_next_service_says_what_became_of_a_mission_that_lost_its_service(tm
     again.begin()
     (found,) = again.page(10)
     assert str(found.results_dir) == results
-    assert (found.state, found.record.stop_reason) == (MissionState.FAILED, "interrupted")
+    assert (found.state, found.record.stop_reason) == (MissionState.INTERRUPTED, "interrupted")
     assert found.record.reason == "the service ended while the mission was running"
     events, _ = found.log.history(limit=5000)
     assert [e["sequence"] for e in events] == list(range(1, len(events) + 1))
-    assert [e["state"] for e in events if e["kind"] == "state"] == ["starting", "running", "failed"]
+    assert [e["state"] for e in events if e["kind"] == "state"] == ["starting", "running", "interrupted"]
     database.close()
 
 
@@ -116,3 +117,4 @@ def test_toolbars_offer_what_can_be_done():
     assert commands_allowed(MissionState.RUNNING) == ["pause", "stop"]
     assert commands_allowed(MissionState.PAUSED) == ["resume", "stop"]
     assert commands_allowed(MissionState.STOPPING) == []
+    assert commands_allowed(MissionState.INTERRUPTED) == ["resume", "stop"]

@@ -143,15 +143,28 @@ def test_stop_overtakes_what_waits_and_is_handed_out_once():
     assert receiver.poll() == "stop"
     writer.send_bytes(b"resume")
     assert receiver.poll() is None  # a caller that polls until nothing is left must come to an end
-    receiver.stop_now()
+    receiver.suspend_now()
     assert receiver.poll() is None
 
 
-def test_losing_the_service_means_stop():
+def test_after_suspend_comes_stop_alone():
+    reader, writer = multiprocessing.Pipe(duplex=False)
+    receiver = CommandReceiver(reader)
+    for word in (b"pause", b"suspend", b"resume"):
+        writer.send_bytes(word)
+    assert receiver.poll() == "suspend"
+    assert receiver.poll() is None
+    writer.send_bytes(b"stop")
+    assert receiver.poll() == "stop"
+    assert receiver.poll() is None
+
+
+def test_losing_the_service_means_suspend():
     reader, writer = multiprocessing.Pipe(duplex=False)
     receiver = CommandReceiver(reader)
     writer.close()
-    assert receiver.poll() == "stop"
+    assert receiver.poll() == "suspend"
+    assert receiver.poll() is None
 
 
 def test_plain_json_has_no_numbers_that_json_cannot_say():
