@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from itertools import compress
 from typing import Annotated, TypeVar
 
 from anyio import to_thread
@@ -24,6 +25,7 @@ from app.missions.states import MissionState
 from app.openapi import problems
 from app.schemas import ApprovalDecision, MetricsPage, MissionCreate, MissionDetail, MissionList
 from hgs_core.mission.commands import Decide
+from hgs_core.mission.repeats import newest_course
 from hgs_core.planning.directives import Directives
 
 router = APIRouter(prefix="/missions", tags=["missions"])
@@ -233,9 +235,11 @@ def get_metrics(
 def _metrics(mission: Mission, since: int, limit: int) -> MetricsPage:
     end = mission.log.last_sequence + 1  # the same end for both, so that none is told twice or left out
     rows, _ = mission.log.history(after=since, before=end, limit=_MOST_ROWS, kinds=["telemetry"], newest=True)
+    rows = list(compress(rows, newest_course([row["time_s"] for row in rows])))
     shown = _thinned(rows, limit)
     columns = {name: [row.get(name) for row in shown] for name in METRIC_COLUMNS}
     plans = mission.log.columns("plan", PLAN_COLUMNS, after=since, before=end, limit=_MOST_ROWS)
+    plans = list(compress(plans, newest_course([time_s or 0.0 for _, time_s, *_ in plans])))
     by_column = (
         zip(*_thinned(plans, limit), strict=True) if plans else ([] for _ in range(len(PLAN_COLUMNS) + 1))
     )

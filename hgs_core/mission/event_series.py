@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from hgs_core.errors import ConfigError
+from hgs_core.mission.repeats import newest_course
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,6 +53,8 @@ def read_event_series(path: Path) -> EventSeries:
         except (ValueError, KeyError, TypeError) as error:
             raise ConfigError(f"{path}:{number} is not an event: {error!r}") from error
 
+    frames, plans = _newest_course(frames), _newest_course(plans)
+
     def column(events: list[dict[str, Any]], key: str) -> Float[ndarray, " n"]:
         values = [event.get(key) for event in events]
         return np.array([np.nan if value is None else value for value in values], dtype=float)
@@ -66,3 +70,7 @@ def read_event_series(path: Path) -> EventSeries:
         plan_time_s=column(plans, "time_s"),
         planning_s=column(plans, "planning_s"),
     )
+
+
+def _newest_course(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return list(compress(events, newest_course([event["time_s"] for event in events])))

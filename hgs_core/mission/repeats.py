@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Bool
+from numpy import ndarray
 
 _REPEATED: Final = frozenset({"telemetry", "plan", "notice", "ended"})
 """Kinds of events that tell what happens in the mission. All others tell what its process does."""
@@ -45,3 +49,14 @@ def _said(event: Mapping[str, Any]) -> bytes:
     """A digest of what the event tells."""
     told = {key: value for key, value in event.items() if key not in _INCIDENTAL}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).digest()
+
+
+def newest_course(times_s: Sequence[float]) -> Bool[ndarray, " n"]:
+    """Which rows of a series, in the order that they were told in, are of the newest course of their mission:
+    all but those before a row of an earlier or the same time. A mission told of them that later went back to
+    a checkpoint, and took another course from there."""
+    times = np.asarray(times_s, dtype=float)
+    earliest_later = np.minimum.accumulate(times[::-1])[::-1]
+    kept = np.ones(len(times), bool)
+    kept[:-1] = times[:-1] < earliest_later[1:]
+    return kept

@@ -51,3 +51,13 @@ def test_a_damaged_line_is_named(tmp_path: Path, line: str) -> None:
         read_event_series(tmp_path / "events.jsonl")
     with pytest.raises(ConfigError, match="cannot read"):
         read_event_series(tmp_path / "absent.jsonl")
+
+
+def test_of_a_mission_that_took_another_course_from_a_checkpoint_the_newest_counts(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    told = [(0.0, 1), (0.4, 2), (0.8, 3), (1.2, 4), (0.7, 5), (1.0, 6), (1.4, 7), (1.3, 8)]
+    lines = [{"kind": "telemetry", "time_s": time_s, "n_gaussians": n} for time_s, n in told]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    series = read_event_series(path)
+    assert series.n_gaussians.tolist() == [1, 2, 5, 6, 8]
+    assert series.time_s.tolist() == [0.0, 0.4, 0.7, 1.0, 1.3]

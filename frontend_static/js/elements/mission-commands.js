@@ -31,7 +31,7 @@ class MissionCommands extends HTMLElement {
     const allowed = store.operator;
     this.start.hidden = state !== "created";
     this.start.disabled = !allowed;
-    const paused = state === "paused";
+    const paused = state === "paused" || state === "interrupted";
     this.toggle.textContent = paused ? "Resume" : "Pause";
     this.toggle.disabled = !allowed || !(state === "running" || paused);
     // STOP passes whatever this page believes about the state: only an ended mission cannot be stopped.
@@ -41,7 +41,7 @@ class MissionCommands extends HTMLElement {
   }
 
   #toggle() {
-    this.#send(store.mission?.state === "paused" ? "resume" : "pause");
+    this.#send(["paused", "interrupted"].includes(store.mission?.state) ? "resume" : "pause");
   }
 
   async #send(command) {

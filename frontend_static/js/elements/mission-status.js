@@ -9,6 +9,7 @@ const GLYPHS = {
   running: "▶",
   paused: "❚❚",
   stopping: "◼",
+  interrupted: "↯",
   completed: "✓",
   failed: "✕",
   aborted: "⊘",
