@@ -145,6 +145,8 @@ def test_lines_that_did_not_fit_on_the_disk_are_written_later(tmp_path: Path) ->
     file = log._file
 
     class FullDisk:
+        closed = False
+
         def seek(self, position: int) -> None: ...
 
         def write(self, content: bytes) -> int:
