@@ -15,6 +15,7 @@ from app.errors import Conflict, Invalid, Unavailable
 from app.missions.directives import directives_of, with_directives
 from app.missions.display import DisplayView
 from app.missions.event_log import EventLog
+from app.missions.moment_recorder import MomentRecorder
 from app.missions.moments import MomentArchive
 from app.missions.pictures import Picture, load_view, picture_of, save_view
 from app.missions.states import COMMANDS, DIRECTABLE, TRANSITIONS, MissionState
@@ -47,6 +48,7 @@ class Mission:
     ) -> None:
         """`folder` holds its files: what the process writes, its output, the last view."""
         self.moments = moments
+        self._recorder = MomentRecorder(moments, failed=self._on_moments_failed)
         self._store = store
         self._folder = folder
         self._lock = threading.RLock()
@@ -63,7 +65,6 @@ class Mission:
         self._view: tuple[int, DisplayView] | None = None
         self._heard_at: float | None = None
         self._log: EventLog | None = None
-        self._moments_failed = False
         self._drawing = threading.Lock()
         self._top_view: tuple[int, bytes, dict[str, Any]] | None = None
 
@@ -287,19 +288,22 @@ class Mission:
             if event["kind"] == "resumed":
                 self._go_on_from(float(event["time_s"]))
             shown = in_degrees(event)
-            if not self._repeats.holds(shown):
-                self.log.append({"received_at": time.time(), **shown})
+            is_new = not self._repeats.holds(shown)
+            if is_new:
+                shown = self.log.append({"received_at": time.time(), **shown})
             if event["kind"] == "phase":
                 self._follow_phase(str(event["phase"]), str(event["reason"]))
             elif event["kind"] == "ended":
                 self._stop_reason = str(event["stop_reason"])
                 self._end_message = str(event["message"])
+        if is_new and event["kind"] == "telemetry":
+            self._recorder.take_figures(shown)  # it draws and writes: nobody who asks waits for that
 
     def on_view(self, sequence: int, view: DisplayView) -> None:
         self._heard_at = time.monotonic()
         self._view = (self._views_before + sequence, view)
-        if view.time_s > self._told_until_s and self.moments.is_due(view.time_s):
-            self._keep_moment(view)
+        if view.time_s > self._told_until_s:
+            self._recorder.take_view(view)
 
     def on_end(self, outcome: Outcome) -> None:
         """Settle the final state. Nothing the process did or failed to do keeps a mission from ending."""
@@ -434,9 +438,7 @@ class Mission:
         if self._view is None:
             return 0
         sequence, view = self._view
-        recorded = self.moments.all()
-        if not recorded or recorded[-1].time_s != view.time_s:
-            self._keep_moment(view)
+        self._recorder.finish(view)
         try:
             save_view(view, self._view_file)
         except OSError as error:  # a full disk must not keep a mission from ending
@@ -444,21 +446,8 @@ class Mission:
             return 0
         return sequence
 
-    def _keep_moment(self, view: DisplayView) -> None:
-        """A disk that takes no more costs the timeline, as the operator is told once, never the mission."""
-        figures = self.log.newest("telemetry") or {}
-        try:
-            self.moments.record(
-                view, sequence=self.log.last_sequence, path_length_m=float(figures.get("path_length_m", 0.0))
-            )
-        except OSError as error:
-            log.warning("mission %s: a moment could not be kept: %s", self.id, error)
-            if not self._moments_failed:
-                self._moments_failed = True
-                message = f"the timeline has gaps from here on: {error.strerror or error}"
-                self.on_event(
-                    {"kind": "notice", "time_s": view.time_s, "level": "warning", "message": message}
-                )
+    def _on_moments_failed(self, why: str, time_s: float) -> None:
+        self.on_event({"kind": "notice", "time_s": time_s, "level": "warning", "message": why})
 
 
 def _end_of_run(folder: Path) -> tuple[str | None, str | None] | None:

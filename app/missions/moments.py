@@ -36,7 +36,7 @@ class MomentSettings(StrictConfig):
     """How much of a mission's past is kept for looking at."""
 
     most: int = Field(120, ge=4, le=1_000)
-    """Moments kept of one mission; each takes 50 to 300 kB."""
+    """Moments kept of one mission; each takes about 100 kB."""
     interval_s: float = Field(2.0, gt=0)
     """Mission time between two moments, at first [s]; it doubles whenever there are too many."""
     image_width: int = Field(480, ge=64)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32, Int, UInt8
 from numpy import ndarray
 from PIL import Image
 
@@ -24,6 +24,9 @@ _BORDER_M: Final = 0.25
 _OUTLIERS: Final = 0.001
 """This share of the splats at either end may lie outside the picture."""
 _WIDEST_PX: Final = 2
+_CLOSED_PX: Final = 2
+"""Gaps up to twice as wide between spots of a thinned-out map are closed."""
+_NEIGHBOURS: Final = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if down or right)
 _SEEN: Final = 64
 """Least opacity (0..255) of a splat that is drawn."""
 
@@ -53,48 +56,72 @@ class TopView:
 def top_view(view: DisplayView, *, below_m: float) -> TopView:
     """The splats with centres below `below_m`, the higher one over the lower one."""
     shown = (view.splat_centres_m[:, 2] < below_m) & (view.splat_opacities >= _SEEN)
-    centres, colours = view.splat_centres_m[shown], view.splat_rgb[shown]
-    if len(centres) == 0:
+    if not shown.any():
         return TopView(image=np.zeros((1, 1, 4), np.uint8), lower_m=(0.0, 0.0), pixel_m=PIXEL_M)
-    low, high = np.quantile(centres[:, :2], (_OUTLIERS, 1 - _OUTLIERS), axis=0)
+    low, high = np.quantile(view.splat_centres_m[shown, :2], (_OUTLIERS, 1 - _OUTLIERS), axis=0)
     low, high = low - _BORDER_M, high + _BORDER_M
+    shown &= ((view.splat_centres_m[:, :2] > low) & (view.splat_centres_m[:, :2] < high)).all(axis=1)
     pixel_m = max(PIXEL_M, float((high - low).max()) / MAX_PX)
     width, height = (max(1, math.ceil(side / pixel_m)) for side in high - low)
-    order = np.argsort(centres[:, 2], kind="stable")
-    centres, colours, radii = centres[order], colours[order], view.splat_radii_m[shown][order]
-    columns = np.floor((centres[:, 0] - low[0]) / pixel_m).astype(np.int64)
-    rows = height - 1 - np.floor((centres[:, 1] - low[1]) / pixel_m).astype(np.int64)
-    image = _painted(columns, rows, centres[:, 2], colours, radii / pixel_m, (height, width))
-    return TopView(image=image, lower_m=(float(low[0]), float(low[1])), pixel_m=pixel_m)
+    upwards = np.flatnonzero(shown)[np.argsort(view.splat_centres_m[shown, 2])]
+    centres = view.splat_centres_m[upwards]
+    columns = ((centres[:, 0] - low[0]) / pixel_m).astype(np.int64)
+    rows = height - 1 - ((centres[:, 1] - low[1]) / pixel_m).astype(np.int64)
+    image = _painted(
+        columns,
+        rows,
+        centres[:, 2],
+        view.splat_rgb[upwards],
+        view.splat_radii_m[upwards] / pixel_m,
+        (height, width),
+    )
+    return TopView(image=_closed(image), lower_m=(float(low[0]), float(low[1])), pixel_m=pixel_m)
 
 
 def _painted(
-    columns: ndarray,
-    rows: ndarray,
+    columns: Int[ndarray, " n"],
+    rows: Int[ndarray, " n"],
     heights_m: Float32[ndarray, " n"],
     colours: UInt8[ndarray, "n 3"],
     radii_px: Float32[ndarray, " n"],
     shape: tuple[int, int],
 ) -> UInt8[ndarray, "h w 4"]:
     """Round spots in order of height. Within one offset the last, highest one stays, as NumPy assigns."""
-    height, width = shape
+    height, width = (side + 2 * _WIDEST_PX for side in shape)
     image = np.zeros((height * width, 4), np.uint8)
     top_m = np.full(height * width, -np.inf, np.float32)
+    middles = (rows + _WIDEST_PX) * width + columns + _WIDEST_PX
     for down in range(-_WIDEST_PX, _WIDEST_PX + 1):
         for right in range(-_WIDEST_PX, _WIDEST_PX + 1):
             distance = math.hypot(down, right)
             if distance > _WIDEST_PX:
                 continue
-            row, column = rows + down, columns + right
-            inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-            inside &= radii_px >= distance - 0.5
-            place = row[inside] * width + column[inside]
-            higher = heights_m[inside] > top_m[place]
-            place = place[higher]
-            top_m[place] = heights_m[inside][higher]
-            image[place, :3] = colours[inside][higher]
-            image[place, 3] = 255
-    return image.reshape(height, width, 4)
+            reaching = np.flatnonzero(radii_px >= distance - 0.5)
+            places = middles[reaching] + down * width + right
+            higher = heights_m[reaching] > top_m[places]
+            reaching, places = reaching[higher], places[higher]
+            top_m[places] = heights_m[reaching]
+            image[places, :3] = colours[reaching]
+            image[places, 3] = 255
+    border = slice(_WIDEST_PX, -_WIDEST_PX)
+    return image.reshape(height, width, 4)[border, border]
+
+
+def _closed(image: UInt8[ndarray, "h w 4"]) -> UInt8[ndarray, "h w 4"]:
+    """Clear pixels that are half surrounded get the mean colour of those around them."""
+    image = image.copy()
+    for _ in range(_CLOSED_PX):
+        padded = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+        clear = np.argwhere(image[..., 3] == 0)
+        around = np.stack(
+            [padded[clear[:, 0] + 1 + down, clear[:, 1] + 1 + right] for down, right in _NEIGHBOURS], axis=1
+        ).astype(np.float32)
+        n_set = (around[..., 3] > 0).sum(axis=1)
+        filled = n_set >= len(_NEIGHBOURS) // 2
+        means = around[filled, :, :3].sum(axis=1) / n_set[filled, None]
+        image[clear[filled, 0], clear[filled, 1], :3] = (means + 0.5).astype(np.uint8)
+        image[clear[filled, 0], clear[filled, 1], 3] = 255
+    return image
 
 
 def top_view_facts(view: DisplayView, drawn: TopView) -> dict[str, Any]:

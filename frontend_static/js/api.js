@@ -33,11 +33,12 @@ export function toLogin() {
   location.replace("login.html");
 }
 
-const post = (content) => ({
-  method: "POST",
+const sending = (method, content) => ({
+  method,
   headers: { "Content-Type": "application/json" },
   body: JSON.stringify(content),
 });
+const post = (content) => sending("POST", content);
 
 export const getSession = () => request(SESSION);
 export const openSession = (token) => request(SESSION, post({ token }));
@@ -48,21 +49,78 @@ const query = (values) => new URLSearchParams(values).toString();
 export const getSystem = () => request("/system");
 export const listScenes = () => request("/scenes");
 export const listPresets = () => request("/presets");
-export const listMissions = () => request("/missions");
+/** `planner`: as if the preset named this one; none: its own. */
+export const getPresetSettings = (name, planner) =>
+  request(`/presets/${encodeURIComponent(name)}/settings${planner ? `?${query({ planner })}` : ""}`);
+
+/** A page of missions, newest first; `states`: only these. */
+export const listMissions = ({ cursor = null, states = [], limit = 50 } = {}) => {
+  const wish = new URLSearchParams({ limit });
+  if (cursor) wish.set("cursor", cursor);
+  for (const state of states) wish.append("state", state);
+  return request(`/missions?${wish}`);
+};
 export const getMission = (id) => request(`/missions/${id}`);
 export const listResults = (id) => request(`/missions/${id}/results`);
 export const getMetrics = (id, since) => request(`/missions/${id}/metrics?${query({ since, limit: 2000 })}`);
 
-/** The newest `limit` events that are not telemetry. */
-export const newestEvents = (id, limit) => {
-  const kinds = ["state", "phase", "plan", "notice", "ended"].map((kind) => `kind=${kind}`).join("&");
-  return request(`/missions/${id}/events?newest=true&limit=${limit}&${kinds}`);
+/** Kinds of events that a log shows; telemetry is not among them. */
+export const LOGGED = [
+  "state",
+  "phase",
+  "plan",
+  "notice",
+  "directives",
+  "approval",
+  "resumed",
+  "halted",
+  "ended",
+];
+
+/** The newest `limit` events of these kinds with numbers below `before` (none: the newest of all). */
+export const newestEvents = (id, limit, { kinds = LOGGED, before = null } = {}) => {
+  const wish = new URLSearchParams({ newest: true, limit });
+  if (before) wish.set("before", before);
+  for (const kind of kinds) wish.append("kind", kind);
+  return request(`/missions/${id}/events?${wish}`);
 };
+
+export const getTopView = (id) => request(`/missions/${id}/top-view`);
+export const listMoments = (id) => request(`/missions/${id}/moments`);
+export const getMoment = (id, number) => request(`/missions/${id}/moments/${number}`);
+export const getDirectives = (id) => request(`/missions/${id}/directives`);
+export const putDirectives = (id, directives) =>
+  request(`/missions/${id}/directives`, sending("PUT", directives));
+
+/** `answer`: `{plan_sequence, decision, candidate}`. */
+export const answerApproval = (id, answer) => request(`/missions/${id}/approval`, post(answer));
 
 export const resultUrl = (id, name) =>
   `${BASE}/missions/${id}/results/${name.split("/").map(encodeURIComponent).join("/")}`;
 
-export const imageUrl = (id, kind) => `${BASE}/missions/${id}/images/${kind}`;
+export const archiveUrl = (id) => `${BASE}/missions/${id}/results.zip`;
+
+/** The newest image of `kind`; of a moment where one is named. */
+export const imageUrl = (id, kind, moment = null) =>
+  moment === null
+    ? `${BASE}/missions/${id}/images/${kind}`
+    : `${BASE}/missions/${id}/moments/${moment}/images/${kind}`;
+
+/** The map from above; at a moment where one is named. */
+export const topViewUrl = (id, moment = null) =>
+  moment === null
+    ? `${BASE}/missions/${id}/top-view.png`
+    : `${BASE}/missions/${id}/moments/${moment}/top-view.png`;
+
+/** The mission's report, or null while there is none. */
+export const getReport = async (id) => {
+  try {
+    return await request(`/missions/${id}/results/report.json`);
+  } catch (error) {
+    if (error.status === 404) return null;
+    throw error;
+  }
+};
 
 export const sceneUrl = (id) => `/viewer/${id}/`;
 

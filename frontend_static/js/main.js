@@ -1,18 +1,32 @@
 /** The operator page: defines its elements, then asks the service what there is. */
-import "./elements/mission-picker.js";
+import "./elements/tab-set.js";
+import "./elements/mission-title.js";
 import "./elements/mission-status.js";
 import "./elements/mission-commands.js";
 import "./elements/session-badge.js";
+import "./elements/view-switch.js";
+import "./elements/theme-switch.js";
+import "./elements/key-help.js";
+import "./elements/progress-strip.js";
+import "./elements/settings-editor.js";
 import "./elements/mission-form.js";
+import "./elements/mission-list.js";
 import "./elements/figure-board.js";
+import "./elements/map-legend.js";
+import "./elements/top-view.js";
 import "./elements/scene-frame.js";
+import "./elements/stage-view.js";
+import "./elements/approval-bar.js";
+import "./elements/time-line.js";
 import "./elements/line-chart.js";
 import "./elements/chart-strip.js";
 import "./elements/image-grid.js";
 import "./elements/candidate-table.js";
+import "./elements/order-panel.js";
 import "./elements/event-list.js";
 import "./elements/result-list.js";
-import "./elements/detail-tabs.js";
+import "./elements/comparison-map.js";
+import "./elements/mission-comparison.js";
 import "./elements/error-toast.js";
 import { report, store } from "./store.js";
 

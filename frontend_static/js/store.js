@@ -1,43 +1,49 @@
 /**
- * What the page knows of the mission it shows. Elements listen for `change` (detail: a set of what changed) and
- * read the fields; only this module talks to the service.
+ * What the page knows of the mission it shows, as it is now. Parts follow it and read the fields; `timeline.js`
+ * knows its past, `view.js` which of the two is shown.
  */
 import * as api from "./api.js";
+import { missions } from "./missions.js";
+import { Observable } from "./observable.js";
 
 const MAX_POINTS = 4000;
-const MAX_EVENTS = 300;
+const EVENTS_AT_FIRST = 300;
+const MAX_EVENTS = 3000;
 const ACTIVE = new Set(["starting", "running", "paused", "stopping"]);
-const COLUMNS = {
-  time_s: "time_s",
-  path_length_m: "path_length_m",
-  observed_volume_m3: "observed_volume_m3",
-  missing_volume_m3: "missing_volume_m3",
-  psnr_current_db: "psnr_current_db",
-  n_gaussians: "n_gaussians",
-};
+const COLUMNS = [
+  "time_s",
+  "path_length_m",
+  "observed_volume_m3",
+  "missing_volume_m3",
+  "psnr_current_db",
+  "n_gaussians",
+];
+const PLAN_COLUMNS = ["time_s", "planning_s"];
 
-class Store extends EventTarget {
+class Store extends Observable {
   /** Who is logged in: `{login_required, name, role, expires_at}`. */
   session = null;
   system = null;
   scenes = [];
   presets = [];
-  missions = [];
-  /** Missions that have a process, and those that wait for a place, by id. */
-  running = [];
-  queued = [];
-  missionsAtOnce = 1;
   mission = null;
   figures = null;
   plan = null;
-  series = emptySeries();
+  /** Figures over time, a list a column. */
+  series = empty(COLUMNS);
+  planSeries = empty(PLAN_COLUMNS);
+  /** Positions [x, y] since the newest map from above. */
+  trail = [];
   events = [];
+  moreEvents = false;
   results = [];
   /** Number of the newest view; images show it. 0 = none yet. */
   viewSequence = 0;
   connected = true;
   serviceReachable = true;
   heardAt = performance.now();
+  /** The series hold every figure up to this event. */
+  #charted = 0;
   #stream = null;
   #loading = 0;
 
@@ -48,17 +54,17 @@ class Store extends EventTarget {
       api.toLogin();
       return;
     }
-    this.#changed("session");
+    this.changed("session");
     [this.system, this.scenes, this.presets] = await Promise.all([
       api.getSystem(),
       api.listScenes(),
       api.listPresets(),
     ]);
-    this.#changed("system", "catalogue");
-    const list = await this.refreshMissions();
+    this.changed("system", "catalogue");
+    const list = await missions.refresh();
     const first = list.running[0] ?? list.missions[0]?.id;
     if (first) await this.show(first);
-    else this.#changed("mission");
+    else this.changed("mission");
     setInterval(() => this.#poll(), 3000);
   }
 
@@ -76,16 +82,6 @@ class Store extends EventTarget {
     return (performance.now() - this.heardAt) / 1000;
   }
 
-  async refreshMissions() {
-    const list = await api.listMissions();
-    this.missions = list.missions;
-    this.running = list.running;
-    this.queued = list.queued;
-    this.missionsAtOnce = list.missions_at_once;
-    this.#changed("missions");
-    return list;
-  }
-
   /** Show mission `id`: its history first, then its stream from there on. */
   async show(id) {
     const ticket = ++this.#loading;
@@ -93,35 +89,39 @@ class Store extends EventTarget {
     const [mission, metrics, page] = await Promise.all([
       api.getMission(id),
       api.getMetrics(id, 0),
-      api.newestEvents(id, MAX_EVENTS),
+      api.newestEvents(id, EVENTS_AT_FIRST),
     ]);
     if (ticket !== this.#loading) return;
     this.mission = mission;
     this.figures = mission.figures;
     this.plan = mission.plan;
-    this.series = emptySeries();
-    for (const name of Object.keys(COLUMNS)) this.series[name] = metrics.columns[name];
+    this.series = Object.fromEntries(COLUMNS.map((name) => [name, metrics.columns[name]]));
+    this.planSeries = Object.fromEntries(PLAN_COLUMNS.map((name) => [name, metrics.plans[name]]));
+    this.trail = [];
     this.events = page.events;
+    this.moreEvents = page.more;
     this.results = [];
     this.viewSequence = mission.view_sequence;
     this.connected = true;
     this.heardAt = performance.now();
-    const after = Math.max(metrics.next_since, page.events.at(-1)?.sequence ?? 0);
-    this.#stream = new api.EventStream(id, after, {
+    this.#charted = metrics.next_since;
+    // The answers are of slightly different moments: what one of them has already is passed over.
+    const told = page.events.at(-1)?.sequence ?? 0;
+    this.#stream = new api.EventStream(id, Math.min(metrics.next_since, told), {
       onEvent: (event) => this.#take(event),
       onConnection: (connected) => {
         this.connected = connected;
-        this.#changed("connection");
+        this.changed("connection");
       },
     });
-    this.#changed("mission", "figures", "plan", "series", "events", "results", "images");
+    this.changed("shown", "mission", "figures", "plan", "series", "events", "results", "images");
     await this.#refreshResults();
   }
 
   /** Create and start a mission, and show it. A retry of the same click makes no second one. */
   async launch(wish, key) {
     const mission = await api.createMission(wish, key);
-    await this.refreshMissions();
+    await missions.refresh();
     await this.show(mission.id);
     await this.command("start");
   }
@@ -129,9 +129,26 @@ class Store extends EventTarget {
   /** Send start, pause, resume or stop to the shown mission. */
   async command(name) {
     if (!this.mission) return;
-    const answer = await api.command(this.mission.id, name);
-    this.#adopt(answer);
-    await this.refreshMissions();
+    this.adopt(await api.command(this.mission.id, name));
+    await missions.refresh();
+  }
+
+  /** Take over what the service says of the mission, if it is still the one shown. */
+  adopt(mission) {
+    if (this.mission?.id !== mission.id) return;
+    this.mission = mission;
+    this.viewSequence = mission.view_sequence;
+    this.changed("mission", "images");
+  }
+
+  /** Add the page of events before the oldest one. */
+  async loadOlderEvents() {
+    const { id } = this.mission;
+    const page = await api.newestEvents(id, EVENTS_AT_FIRST, { before: this.events[0]?.sequence });
+    if (this.mission.id !== id) return;
+    this.events = [...page.events, ...this.events];
+    this.moreEvents = page.more;
+    this.changed("events");
   }
 
   #take(event) {
@@ -140,87 +157,87 @@ class Store extends EventTarget {
       case "alive":
         if (event.silent_s !== null && event.silent_s !== undefined)
           this.heardAt = performance.now() - event.silent_s * 1000;
-        this.#changed("connection");
+        this.changed("connection");
         return;
       case "telemetry":
+        if (event.sequence <= this.#charted) return;
         this.figures = event;
         this.viewSequence = event.view_sequence ?? this.viewSequence;
-        this.#append(event);
-        this.#changed("figures", "series", "images");
+        this.trail.push([event.x_m, event.y_m]);
+        append(this.series, COLUMNS, event);
+        this.changed("figures", "series", "images");
         return;
+    }
+    if (this.events.at(-1)?.sequence >= event.sequence) return; // told by the history already
+    this.events.push(event);
+    if (this.events.length > MAX_EVENTS) this.events.shift();
+    this.#follow(event);
+    this.changed("events");
+  }
+
+  #follow(event) {
+    switch (event.kind) {
       case "plan":
         this.plan = event;
-        break;
+        if (event.sequence > this.#charted) append(this.planSeries, PLAN_COLUMNS, event);
+        this.changed("plan", "series");
+        return;
       case "state":
         this.mission = { ...this.mission, state: event.state, reason: event.reason };
-        api.getMission(this.mission.id).then((mission) => this.#adopt(mission), () => {});
-        this.refreshMissions().catch(() => {});
+        this.#askAgain();
         if (!ACTIVE.has(event.state)) this.#refreshResults();
         break;
       case "phase":
         this.mission = { ...this.mission, phase: event.phase };
         break;
+      case "directives":
+      case "approval":
+        this.#askAgain();
+        break;
     }
-    this.events.push(event);
-    if (this.events.length > MAX_EVENTS) this.events.shift();
-    this.#changed("mission", "plan", "events");
+    this.changed("mission");
   }
 
-  #append(event) {
-    for (const name of Object.keys(COLUMNS)) this.series[name].push(event[name]);
-    if (this.series.time_s.length > MAX_POINTS)
-      for (const name of Object.keys(COLUMNS))
-        this.series[name] = this.series[name].filter((_, place) => place % 2 === 0);
-  }
-
-  #adopt(mission) {
-    if (this.mission?.id !== mission.id) return;
-    this.mission = mission;
-    this.viewSequence = mission.view_sequence;
-    this.#changed("mission", "images");
+  /** An event said that the mission changed: its record, commands and orders are the service's to tell. */
+  #askAgain() {
+    api.getMission(this.mission.id).then((mission) => this.adopt(mission), report);
+    missions.refresh().catch(report);
   }
 
   async #refreshResults() {
-    const id = this.mission.id;
+    const { id } = this.mission;
     try {
       const results = await api.listResults(id);
       if (this.mission.id === id) this.results = results;
     } catch (error) {
       report(error);
     }
-    this.#changed("results");
+    this.changed("results");
   }
 
   async #poll() {
     try {
-      await this.refreshMissions();
+      await missions.refresh();
       this.serviceReachable = true;
     } catch {
       this.serviceReachable = false;
     }
-    this.#changed("connection");
-  }
-
-  #changed(...what) {
-    this.dispatchEvent(new CustomEvent("change", { detail: new Set(what) }));
+    this.changed("connection");
   }
 }
 
-function emptySeries() {
-  return Object.fromEntries(Object.keys(COLUMNS).map((name) => [name, []]));
+const empty = (names) => Object.fromEntries(names.map((name) => [name, []]));
+
+function append(series, names, event) {
+  for (const name of names) series[name].push(event[name]);
+  if (series[names[0]].length > MAX_POINTS)
+    for (const name of names) series[name] = series[name].filter((_, place) => place % 2 === 0);
 }
 
 export const store = new Store();
 
 /** Call `draw` now and whenever one of `what` changes. Returns a function that ends it. */
-export function watch(what, draw) {
-  const listen = (event) => {
-    if (what.some((name) => event.detail.has(name))) draw();
-  };
-  store.addEventListener("change", listen);
-  draw();
-  return () => store.removeEventListener("change", listen);
-}
+export const watch = (what, draw) => store.watch(what, draw);
 
 /** Show an error that belongs to no field. */
 export function report(error) {

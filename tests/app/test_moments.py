@@ -10,6 +10,7 @@ from PIL import Image
 
 from app.missions.display import IMAGE_KINDS
 from app.missions.display_builder import display_view
+from app.missions.moment_recorder import MomentRecorder
 from app.missions.moments import MomentArchive, MomentSettings
 from app.missions.top_view import MAX_PX, PIXEL_M, top_view, top_view_facts
 from hgs_core.gaussians.gaussian_map import GaussianMap
@@ -172,7 +173,7 @@ def test_the_past_of_a_mission_can_be_looked_at_while_it_runs_and_after(service)
         there = f"{path}/moments/{moment['number']}"
         told = client.get(there).json()
         assert {key: told[key] for key in moment} == moment
-        assert told["figures"]["sequence"] <= moment["sequence"]
+        assert told["figures"]["sequence"] == moment["sequence"]
         assert told["plan"]["sequence"] <= moment["sequence"]
         assert told["figures"]["path_length_m"] == moment["path_length_m"]
         assert len(told["top_view"]["trajectory"]) >= 1
@@ -210,3 +211,20 @@ def test_a_full_disk_costs_the_timeline_and_not_the_mission(service, monkeypatch
     told = [notice for notice in notices if "timeline" in notice["message"]]
     assert len(told) == 1
     assert "No space left" in told[0]["message"]
+
+
+def test_a_view_waits_for_the_figures_of_its_frame(archive, view):
+    """Views come before the figures of their frame; a moment never has those of the frame before."""
+    recorder = MomentRecorder(archive, failed=lambda *_: pytest.fail("nothing failed"))
+    for frame in range(3):
+        time_s = 2.0 * frame
+        recorder.take_view(replace(view, time_s=time_s))
+        assert len(archive.all()) == frame
+        recorder.take_figures({"sequence": 10 + frame, "time_s": time_s, "path_length_m": 0.5 * frame})
+    kept = archive.all()
+    assert [moment.sequence for moment in kept] == [10, 11, 12]
+    assert [moment.path_length_m for moment in kept] == [0.0, 0.5, 1.0]
+    recorder.finish(replace(view, time_s=4.3))
+    assert archive.all()[-1].time_s == 4.3
+    recorder.finish(replace(view, time_s=4.3))
+    assert len(archive.all()) == 4

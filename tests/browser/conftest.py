@@ -1,9 +1,9 @@
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from app.missions.service import DEFAULT_RUNNER
 from app.settings import DisplaySettings, Settings
@@ -25,6 +25,8 @@ PATIENCE_MS = 120_000
 """WebGL runs in software here, beside a mission."""
 MAX_SPLATS = 10_000
 
+expect.set_options(timeout=60_000)
+
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
@@ -38,25 +40,39 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
+@contextmanager
+def new_page(
+    chromium: Browser,
+    url: str,
+    *,
+    width: int = 1280,
+    height: int = 720,
+    dark: bool = False,
+    touch: bool = False,
+    stage: str = "map",
+) -> Iterator[Page]:
+    """A page in a window of its own. `stage`: what is shown in the middle, `map`, `3d` or `both`."""
+    context = chromium.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        has_touch=touch,
+    )
+    context.set_default_timeout(PATIENCE_MS)
+    context.add_init_script(
+        f"localStorage.getItem('hgs-stage') ?? localStorage.setItem('hgs-stage', '{stage}')"
+    )
+    page = context.new_page()
+    page.goto(url)
+    page.wait_for_selector("#preset option, #login", state="attached")
+    yield page
+    context.close()
+
+
 @pytest.fixture
 def open_page(chromium):
-    """Open an address in a fresh window: `open_page(url, width=1280, height=720, dark=False)`."""
-    contexts = []
-
-    def open_at(url: str, *, width: int = 1280, height: int = 720, dark: bool = False) -> Page:
-        context = chromium.new_context(
-            viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light"
-        )
-        context.set_default_timeout(PATIENCE_MS)
-        contexts.append(context)
-        page = context.new_page()
-        page.goto(url)
-        page.wait_for_selector("#preset option, #login", state="attached")
-        return page
-
-    yield open_at
-    for context in contexts:
-        context.close()
+    """Open an address in a fresh window; see `new_page`."""
+    with ExitStack() as windows:
+        yield lambda url, **look: windows.enter_context(new_page(chromium, url, **look))
 
 
 @pytest.fixture

@@ -6,9 +6,10 @@ from playwright.sync_api import expect
 
 from tests.app.fake_mission import runner
 from tests.browser.conftest import PATIENCE_MS
-from tests.browser.test_operator_page import (
+from tests.browser.page_checks import (
     CUT_OFF,
     OVERLAPS,
+    assert_clean,
     launch,
     n_colours,
     scene_pixels,
@@ -48,6 +49,7 @@ def test_an_operator_logs_in_commands_and_logs_out(live, open_page, tmp_path, da
     launch(page)
     wait_for_state(page, "running")
     wait_for_number(page, "frames", 5)
+    page.click("#stage-3d")
     expect(page.frame_locator("#scene-view").locator("canvas").first).to_be_visible(timeout=PATIENCE_MS)
     for _ in range(90):
         if n_colours(scene_pixels(page)) > 20:
@@ -61,9 +63,7 @@ def test_an_operator_logs_in_commands_and_logs_out(live, open_page, tmp_path, da
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(500)
         page.screenshot(path=tmp_path / f"queued-{width}.png", timeout=PATIENCE_MS)
-        assert page.evaluate(OVERLAPS) == []
-        assert page.evaluate(CUT_OFF) == []
-        assert page.evaluate("document.documentElement.scrollWidth") == width
+        assert_clean(page, width, height)
     page.click("#stop")
     wait_for_state(page, "aborted")
 
@@ -85,8 +85,9 @@ def test_a_viewer_watches_and_commands_nothing(live, open_page, tmp_path):
     expect(page.locator("#session-role")).to_have_text("viewer")
     wait_for_state(page, "running")
     wait_for_number(page, "frames", 5)
-    for control in ("#stop", "#pause", "#launch"):
+    for control in ("#stop", "#pause", "#launch", "#tool-region", "#tool-no_go", "#send-orders"):
         expect(page.locator(control)).to_be_disabled()
+    page.click("#stage-3d")
     expect(page.frame_locator("#scene-view").locator("canvas").first).to_be_visible(timeout=PATIENCE_MS)
     page.screenshot(path=tmp_path / "viewer.png", timeout=PATIENCE_MS)
     page.keyboard.press("Shift+S")

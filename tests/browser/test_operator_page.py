@@ -1,100 +1,28 @@
 """The operator page in a real browser, with software WebGL."""
 
-import io
-
-import numpy as np
+import httpx
 import pytest
-from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.app.fake_mission import runner
 from tests.browser.conftest import PATIENCE_MS
+from tests.browser.page_checks import (
+    SIZES,
+    assert_clean,
+    launch,
+    n_colours,
+    number,
+    scene_pixels,
+    wait_for_number,
+    wait_for_state,
+)
 
 pytestmark = pytest.mark.timeout(420)
-
-SIZES = [(1280, 720), (1920, 1080)]
-
-OVERLAPS = """() => {
-  // Every element that shows text of its own, and every control; pairs that are not nested must not overlap.
-  const shown = [...document.querySelectorAll("body *")].filter((node) => {
-    const box = node.getBoundingClientRect();
-    if (box.width === 0 || box.height === 0 || node.closest(".unseen, [hidden], option, svg")) return false;
-    const text = [...node.childNodes].some((c) => c.nodeType === Node.TEXT_NODE && c.textContent.trim());
-    return text || node.matches("button, select, input, canvas, iframe, img");
-  });
-  const clipped = (node) => {
-    let { left, top, right, bottom } = node.getBoundingClientRect();
-    for (let up = node.parentElement; up; up = up.parentElement) {
-      if (getComputedStyle(up).overflow === "visible") continue;
-      const box = up.getBoundingClientRect();
-      [left, top] = [Math.max(left, box.left), Math.max(top, box.top)];
-      [right, bottom] = [Math.min(right, box.right), Math.min(bottom, box.bottom)];
-    }
-    return { left, top, right, bottom };
-  };
-  const boxes = shown.map((node) => [node, clipped(node)]);
-  const found = [];
-  for (let i = 0; i < boxes.length; i++)
-    for (let j = i + 1; j < boxes.length; j++) {
-      const [a, p] = boxes[i];
-      const [b, q] = boxes[j];
-      if (a.contains(b) || b.contains(a) || a.closest("thead") || b.closest("thead")) continue;
-      if (a.matches("iframe") || b.matches("iframe")) continue;  // the note lies on the scene on purpose
-      const width = Math.min(p.right, q.right) - Math.max(p.left, q.left);
-      const height = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
-      if (width <= 1 || height <= 1) continue;
-      found.push(`${a.tagName} "${a.textContent}" / ${b.tagName} "${b.textContent}"`);
-    }
-  return found;
-}"""
-
-
-CUT_OFF = """() => [...document.querySelectorAll(".panel, [role=tabpanel], figcaption, .title, dd, dt")]
-  .filter((node) => node.clientWidth > 0 && node.scrollWidth > node.clientWidth + 1)
-  .map((node) => `${node.tagName} ${node.className}: ${node.textContent.slice(0, 60)}`)"""
-
-
-def launch(page: Page) -> None:
-    page.select_option("#preset", "quick")
-    page.click("#launch")
-
-
-def number(page: Page, figure: str) -> float:
-    text = page.inner_text(f"#figure-{figure}").replace(" k", "e3").replace(" M", "e6")
-    return float(text) if text != "–" else 0.0
-
-
-def wait_for_state(page: Page, word: str) -> None:
-    expect(page.locator("#mission-state")).to_contain_text(word, timeout=PATIENCE_MS, ignore_case=True)
-
-
-def wait_for_number(page: Page, figure: str, above: float) -> None:
-    page.wait_for_function(
-        """([figure, above]) => {
-          const text = document.getElementById(`figure-${figure}`).textContent;
-          return parseFloat(text.replace(" k", "e3").replace(" M", "e6")) > above;
-        }""",
-        arg=[figure, above],
-        timeout=PATIENCE_MS,
-    )
-
-
-def scene_pixels(page: Page) -> np.ndarray:
-    """The middle of the 3D scene, without the viewer's own panels."""
-    picture = page.locator("#scene-view").screenshot(timeout=PATIENCE_MS)
-    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(float)
-    height, width = pixels.shape[:2]
-    return pixels[height // 3 : height * 9 // 10, width // 10 : width * 9 // 10]
-
-
-def n_colours(pixels: np.ndarray) -> int:
-    """Colours told apart in steps of a sixteenth."""
-    return len(np.unique((pixels // 16).reshape(-1, 3), axis=0))
 
 
 def test_an_operator_starts_watches_and_stops_a_real_mission(live, open_page):
     service = live()
-    page = open_page(service.url, width=960, height=600)
+    page = open_page(service.url, width=1040, height=600, stage="3d")
     expect(page.locator("#stop")).to_be_disabled()
     launch(page)
     wait_for_state(page, "running")
@@ -137,7 +65,7 @@ def test_a_reloaded_page_finds_the_running_mission_again(live, open_page):
     page.reload()
     wait_for_state(page, "running")
     wait_for_number(page, "frames", 3)
-    assert page.locator("#mission-picker").input_value() == service.missions.running()[0].id
+    expect(page.locator("mission-title")).to_have_attribute("data-mission", service.missions.running()[0].id)
     page.click("#tab-events")
     expect(page.locator("event-list li[data-kind=state]").first).to_contain_text("running")
 
@@ -157,10 +85,13 @@ def press_outside_the_scene(page: Page, key: str) -> None:
 
 def test_the_keyboard_is_enough(live, open_page):
     service = live(runner("run_slowly"))
-    page = open_page(service.url)
+    page = open_page(service.url, stage="3d")
+    page.focus("#tab-figures")
+    page.keyboard.press("End")
+    expect(page.locator("#tab-new")).to_be_focused()
     page.focus("#preset")
     page.keyboard.type("quick")
-    for _ in range(4):
+    for _ in range(5):  # seed, time limit, clock, all settings, start
         page.keyboard.press("Tab")
     expect(page.locator("#launch")).to_be_focused()
     page.keyboard.press("Enter")
@@ -173,15 +104,36 @@ def test_the_keyboard_is_enough(live, open_page):
     wait_for_state(page, "running")
     page.focus("#tab-candidates")
     page.keyboard.press("ArrowRight")
-    expect(page.locator("#tab-events")).to_be_focused()
-    expect(page.locator("#panel-events")).to_be_visible()
+    expect(page.locator("#tab-orders")).to_be_focused()
+    expect(page.locator("#panel-orders")).to_be_visible()
+    # Keys belong to the scene while it has the focus, but STOP is heard there, too.
+    page.frame_locator("#scene-view").locator("canvas").first.click()
     page.keyboard.press("Shift+S")
     wait_for_state(page, "aborted")
+
+
+def test_many_missions_come_page_by_page(live, open_page):
+    service = live(runner("run_short"))
+    with httpx.Client(base_url=f"{service.url}api/v1") as client:
+        for seed in range(52):
+            client.post("/missions", json={"preset": "quick", "seed": seed}).raise_for_status()
+    page = open_page(service.url)
+    page.click("#tab-missions")
+    expect(page.locator("mission-list li")).to_have_count(50)
+    page.click("#older-missions")
+    expect(page.locator("mission-list li")).to_have_count(52)
+    expect(page.locator("#older-missions")).to_be_hidden()
+    expect(page.locator("mission-list li").last).to_contain_text("seed 0")
+    page.locator("mission-list li button").last.press("Enter")
+    expect(page.locator("mission-title")).to_contain_text("seed 0")
+    expect(page.locator("#mission-state")).to_contain_text("created")
+    expect(page.locator("#start")).to_be_enabled()
 
 
 def test_a_refused_wish_is_explained_at_its_field(live, open_page):
     service = live(runner("run_short"))
     page = open_page(service.url)
+    page.click("#tab-new")
     page.evaluate("document.querySelector('select[name=scene]').append(new Option('castle', 'castle'))")
     page.select_option("select[name=scene]", "castle")
     page.click("#launch")
@@ -192,21 +144,54 @@ def test_a_refused_wish_is_explained_at_its_field(live, open_page):
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_nothing_overlaps_and_nothing_is_cut_off(live, open_page, tmp_path, dark):
+    """At both sizes, in the colours that the system asks for, with every tab and in the comparison."""
     service = live(runner("run_slowly"))
     page = open_page(service.url, dark=dark)
     launch(page)
     wait_for_number(page, "frames", 12)
-    for width, height in SIZES:
-        page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_timeout(500)
-        page.screenshot(path=tmp_path / f"page-{width}.png", timeout=PATIENCE_MS)
-        assert page.evaluate(OVERLAPS) == []
-        assert page.evaluate(CUT_OFF) == []
-        assert page.evaluate("document.documentElement.scrollWidth") == width
-        assert page.evaluate("document.documentElement.scrollHeight") == height
-        box = page.locator("#stop").bounding_box()
-        assert box["x"] >= 0
-        assert box["x"] + box["width"] <= width
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
     brightness = sum(int(part) for part in ground.removeprefix("rgb(").removesuffix(")").split(","))
     assert (brightness < 200) == dark
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        for left, right in (("figures", "candidates"), ("missions", "events"), ("new", "orders")):
+            page.click(f"#tab-{left}")
+            page.click(f"#tab-{right}")
+            page.wait_for_timeout(300)
+            page.screenshot(path=tmp_path / f"{right}-{width}.png", timeout=PATIENCE_MS)
+            assert_clean(page, width, height)
+        page.click("#compare")
+        page.wait_for_timeout(1000)
+        page.screenshot(path=tmp_path / f"compare-{width}.png", timeout=PATIENCE_MS)
+        assert_clean(page, width, height)
+        page.click("#compare")
+
+
+def test_a_tablet_is_enough(live, open_page, tmp_path):
+    """Upright, by finger: STOP stays in sight, whatever is scrolled, and targets are large enough."""
+    service = live(runner("run_slowly"))
+    page = open_page(service.url, width=820, height=1180, touch=True)
+    launch(page)
+    wait_for_number(page, "frames", 5)
+    page.locator("result-list, #tab-results").first.scroll_into_view_if_needed()
+    page.evaluate("document.querySelector('.board').scrollTop = 1e6")
+    page.screenshot(path=tmp_path / "tablet.png", timeout=PATIENCE_MS)
+    box = page.locator("#stop").bounding_box()
+    assert 0 <= box["y"] < 100
+    assert page.evaluate("document.documentElement.scrollWidth") == 820
+    small = page.evaluate(
+        """() => [...document.querySelectorAll("button, select, input:not([type=checkbox])")]
+          .filter((node) => node.checkVisibility())
+          .map((node) => [node.id || node.textContent, node.getBoundingClientRect().height])
+          .filter(([, height]) => height < 33)"""
+    )
+    assert small == []
+    page.evaluate("document.querySelector('.board').scrollTop = 0")
+    page.tap("#tool-no_go")
+    canvas = page.locator("#top-view-canvas").bounding_box()
+    for right, down in ((0.3, 0.3), (0.6, 0.3), (0.6, 0.6), (0.3, 0.3)):  # the first corner again closes it
+        page.touchscreen.tap(canvas["x"] + right * canvas["width"], canvas["y"] + down * canvas["height"])
+    page.tap("#tab-orders")
+    expect(page.locator("order-panel li[data-kind=no_go]")).to_have_count(1)
+    page.tap("#stop")
+    wait_for_state(page, "aborted")

@@ -1,6 +1,7 @@
-/** Why this view: the candidates of the newest plan, ranked, with both gains and what became of each. */
+/** Why this view: the candidates of the plan, ranked, with both gains and what became of each. */
 import { element, fixed, gain } from "../format.js";
-import { store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { view } from "../view.js";
 
 const VERDICTS = {
   selected: ["●", "chosen"],
@@ -9,64 +10,88 @@ const VERDICTS = {
   unreachable: ["✕", "no safe path"],
 };
 
-class CandidateTable extends HTMLElement {
+class CandidateTable extends Part {
   connectedCallback() {
-    this.unwatch = watch(["plan", "mission"], () => this.#draw());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
+    this.addEventListener("pointerleave", () => view.pointAt(null));
+    this.follow(view, ["plan", "mission"], () => this.#draw());
+    this.follow(view, ["pointed"], () => this.#point());
   }
 
   #draw() {
-    const plan = store.plan;
+    const { plan } = view;
     if (plan === this.drawn && this.childElementCount) return;
     this.drawn = plan;
     if (!plan) {
       this.replaceChildren(element("p", { class: "empty" }, "No plan yet."));
       return;
     }
-    const ranked = [...plan.candidates].sort((a, b) => b.total - a.total);
-    const highest = Math.max(ranked[0]?.total ?? 0, 1e-9);
+    const ranked = plan.candidates
+      .map((candidate, place) => ({ candidate, place }))
+      .sort((a, b) => b.candidate.total - a.candidate.total);
+    const highest = Math.max(ranked[0]?.candidate.total ?? 0, 1e-9);
     const facts =
       `${plan.n_selected} of ${plan.n_candidates} candidates chosen · ` +
       `${fixed(plan.observed_share * 100, 0)} % of the surroundings observed · ` +
       `${plan.n_reconstructing} subspaces under way`;
+    const scrolled = this.parentElement?.scrollTop;
     this.replaceChildren(
       element("p", { class: "why" }, plan.reason, element("small", {}, facts)),
       element(
         "table",
-        {},
-        element(
-          "thead",
-          {},
-          element(
-            "tr",
-            {},
-            element("th", { class: "words", scope: "col" }, "View"),
-            element("th", { scope: "col" }, "Total"),
-            element("th", { scope: "col" }, "Coverage", element("small", {}, plan.coverage_unit)),
-            element("th", { scope: "col" }, "Quality", element("small", {}, "m²")),
-            element("th", { class: "if-wide", scope: "col" }, "x, y (m)"),
-            element("th", { class: "if-wide", scope: "col" }, "Yaw"),
-          ),
-        ),
-        element("tbody", {}, ...ranked.map((candidate) => row(candidate, highest))),
+        { "aria-label": "Candidates by total gain" },
+        element("thead", {}, heads(plan.coverage_unit)),
+        element("tbody", {}, ...ranked.map((entry) => row(entry, highest))),
       ),
     );
+    if (scrolled) this.parentElement.scrollTop = scrolled;
+    this.#point();
+  }
+
+  /** The row of the candidate that is pointed at, here or on the map. */
+  #point() {
+    for (const marked of this.querySelectorAll("tr.pointed")) marked.classList.remove("pointed");
+    this.querySelector(`tr[data-place="${view.pointedAt}"]`)?.classList.add("pointed");
   }
 }
 
-function row(candidate, highest) {
+function heads(coverageUnit) {
+  const head = (title, unit, className = "") =>
+    element("th", { class: className, scope: "col" }, title, ...(unit ? [element("small", {}, unit)] : []));
+  return element(
+    "tr",
+    {},
+    head("View", "", "words"),
+    head("Total", ""),
+    head("Coverage", coverageUnit),
+    head("Quality", "m²"),
+    head("x, y", "m", "if-wide"),
+    head("Yaw", "", "if-wide"),
+  );
+}
+
+function row({ candidate, place }, highest) {
   const [glyph, verdict] = VERDICTS[candidate.status] ?? ["?", candidate.status];
   const chosen = candidate.status === "selected" || candidate.status === "crossing";
   const bar = element("i");
   bar.style.width = `${Math.max(0, Math.min(100, (candidate.total / highest) * 100))}%`;
-  const mark = element("span", { "aria-hidden": "true" }, `${glyph} `);
+  const point = () => view.pointAt(place);
   return element(
     "tr",
-    { class: chosen ? "chosen" : "rejected" },
-    element("td", { class: "words" }, mark, verdict),
+    {
+      class: chosen ? "chosen" : "rejected",
+      "data-place": place,
+      tabindex: 0,
+      onpointerenter: point,
+      onfocus: point,
+      onblur: () => view.pointAt(null),
+    },
+    element(
+      "td",
+      { class: "words" },
+      element("span", { "aria-hidden": "true" }, `${glyph} `),
+      verdict,
+      ...(candidate.why ? [element("small", { class: "because" }, candidate.why)] : []),
+    ),
     element("td", {}, element("span", { class: "gain-bar", "aria-hidden": "true" }, bar), gain(candidate.total)),
     element("td", {}, gain(candidate.coverage)),
     element("td", {}, gain(candidate.quality)),

@@ -1,35 +1,32 @@
 /** Progress over path or time: small multiples that share their horizontal axis. */
-import { count, element, fixed } from "../format.js";
-import { store, watch } from "../store.js";
+import { element } from "../format.js";
+import { Part } from "../observable.js";
+import { CHARTS, planningOver } from "../charts.js";
+import { store } from "../store.js";
+import { timeline } from "../timeline.js";
 
-const CHARTS = [
-  { field: "missing_volume_m3", title: "Missing volume", colour: "--series-2", format: (v) => `${fixed(v, 2)} m³` },
-  { field: "observed_volume_m3", title: "Observed", colour: "--series-3", format: (v) => `${fixed(v, 1)} m³` },
-  { field: "psnr_current_db", title: "PSNR now", colour: "--series-1", format: (v) => `${fixed(v, 1)} dB` },
-  { field: "n_gaussians", title: "Gaussians", colour: "--series-4", format: (v) => count(v) },
-];
 const AXES = { path_length_m: ["path", "m"], time_s: ["time", "s"] };
 
-class ChartStrip extends HTMLElement {
+class ChartStrip extends Part {
   connectedCallback() {
-    this.axis = "path_length_m";
     this.buttons = Object.entries(AXES).map(([field, [name]]) =>
       element("button", { type: "button", "data-field": field, onclick: () => this.#choose(field) }, name),
     );
     const charts = element("div", { class: "charts" });
-    this.append(element("div", { class: "axis-switch", role: "group", "aria-label": "Horizontal axis" }, "over", ...this.buttons), charts);
-    this.charts = CHARTS.map((settings) => {
+    this.append(
+      element("div", { class: "switch", role: "group", "aria-label": "Horizontal axis" }, "over", ...this.buttons),
+      charts,
+    );
+    this.charts = CHARTS.map(({ title, format, field }) => {
       const chart = document.createElement("line-chart");
+      chart.dataset.field = field;
       charts.append(chart);
-      chart.configure(settings);
+      chart.configure({ title, format });
       return chart;
     });
-    this.#choose(this.axis);
-    this.unwatch = watch(["series"], () => this.#draw());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
+    this.#choose("path_length_m");
+    this.follow(store, ["series"], () => this.#draw());
+    this.follow(timeline, ["moment"], () => this.#draw());
   }
 
   #choose(field) {
@@ -39,8 +36,14 @@ class ChartStrip extends HTMLElement {
   }
 
   #draw() {
-    const unit = AXES[this.axis][1];
-    CHARTS.forEach(({ field }, k) => this.charts[k].setData(store.series[this.axis], store.series[field], unit));
+    const { series, planSeries } = store;
+    const xs = series[this.axis];
+    const view = { xUnit: AXES[this.axis][1], end: xs.at(-1) ?? 0, mark: timeline.moment?.[this.axis] ?? null };
+    CHARTS.forEach(({ field, colour, read }, k) => {
+      const line =
+        field === "planning_s" ? planningOver(this.axis, series, planSeries) : { xs, ys: read(series) };
+      this.charts[k].setData([{ name: "", colour, ...line }], view);
+    });
   }
 }
 

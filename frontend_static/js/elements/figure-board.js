@@ -1,6 +1,7 @@
 /** The newest figures, each with its unit. */
 import { clock, count, element, fixed, isNumber, setText } from "../format.js";
-import { store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { view } from "../view.js";
 
 const FIGURES = [
   ["time", "Mission time", "", (f) => clock(f.time_s), "Time as the robot lives through it"],
@@ -22,10 +23,10 @@ const FIGURES = [
     "Images lost because mapper or planner was busy (real clock)",
   ],
   ["mapping", "Mapping", "ms/frame", (f) => milliseconds(f.mapping_s), "Wall time for the newest frame"],
-  ["planning", "Planning", "ms", () => milliseconds(store.plan?.planning_s), "Wall time of the newest plan"],
+  ["planning", "Planning", "ms", () => milliseconds(view.plan?.planning_s), "Wall time of the newest plan"],
 ];
 
-class FigureBoard extends HTMLElement {
+class FigureBoard extends Part {
   connectedCallback() {
     this.values = {};
     const list = element("dl");
@@ -37,15 +38,11 @@ class FigureBoard extends HTMLElement {
       list.append(cell);
     }
     this.append(list);
-    this.unwatch = watch(["figures", "plan", "mission"], () => this.#draw());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
+    this.follow(view, ["figures", "plan", "mission"], () => this.#draw());
   }
 
   #draw() {
-    const figures = store.figures ?? {};
+    const figures = view.figures ?? {};
     for (const [name, , , read] of FIGURES) setText(this.values[name].value, read(figures));
     this.values.collisions.cell.classList.toggle("alarm", figures.collisions > 0);
   }

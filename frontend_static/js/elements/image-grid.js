@@ -1,7 +1,8 @@
-/** The newest images side by side: camera, map from the same pose, depth, quality gain. */
-import { imageUrl } from "../api.js";
+/** The images side by side: camera, map from the same pose, depth, quality gain. A click enlarges one. */
 import { element } from "../format.js";
-import { store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { store } from "../store.js";
+import { view } from "../view.js";
 
 const IMAGES = [
   ["observed", "Observed", "camera"],
@@ -11,62 +12,71 @@ const IMAGES = [
 ];
 const INTERVAL_MS = 1000;
 
-class ImageGrid extends HTMLElement {
+class ImageGrid extends Part {
   connectedCallback() {
     this.tags = {};
     this.images = {};
-    for (const [kind, title, note, direction] of IMAGES) {
-      const image = element("img", { alt: `${title} image of the current pose`, id: `image-${kind}` });
-      const hint = Array.isArray(note)
-        ? element("span", {}, note[0], element("i", { class: `scale ${direction}` }), note[1])
-        : element("span", {}, note);
-      this.images[kind] = image;
-      this.append(
-        element(
-          "figure",
-          {},
-          element("div", { class: "picture" }, image),
-          element("figcaption", {}, element("b", {}, title), hint),
-        ),
-      );
+    this.fetchedAt = -INTERVAL_MS;
+    for (const [kind, title, note, direction] of IMAGES) this.append(this.#figure(kind, title, note, direction));
+    this.follow(view, ["images", "mission"], () => this.#schedule());
+  }
+
+  #figure(kind, title, note, direction) {
+    const image = element("img", { alt: `${title} image of the pose shown`, id: `image-${kind}` });
+    const hint = Array.isArray(note)
+      ? element("span", {}, note[0], element("i", { class: `scale ${direction}` }), note[1])
+      : element("span", {}, note);
+    this.images[kind] = image;
+    const enlarge = element(
+      "button",
+      { type: "button", class: "picture", title: "Enlarge", "aria-label": `Enlarge ${title}`, "aria-pressed": "false" },
+      image,
+    );
+    enlarge.addEventListener("click", () => this.#enlarge(kind));
+    return element("figure", { "data-kind": kind }, enlarge, element("figcaption", {}, element("b", {}, title), hint));
+  }
+
+  #enlarge(kind) {
+    this.large = this.large === kind ? null : kind;
+    for (const figure of this.children) {
+      const large = figure.dataset.kind === this.large;
+      figure.classList.toggle("large", large);
+      figure.firstElementChild.setAttribute("aria-pressed", String(large));
     }
-    this.unwatch = watch(["images", "mission"], () => this.#schedule());
   }
 
-  disconnectedCallback() {
-    this.unwatch();
-    clearTimeout(this.timer);
-  }
-
-  /** Fetch when there is a newer view, at most once an interval. */
+  /** Fetch what is shown: at once when it is another mission or moment, else at most once an interval. */
   #schedule() {
-    const { mission, viewSequence } = store;
-    if (mission && mission.id !== this.shownMission) {
-      this.shownMission = mission.id;
-      this.shownView = 0;
+    const key = view.imageKey;
+    if (store.mission?.id !== this.mission) {
+      this.mission = store.mission?.id;
       for (const kind of Object.keys(this.images)) this.#show(kind, null, null);
     }
-    if (this.timer || !mission || viewSequence === this.shownView) return;
-    const pause = Math.max(0, (this.fetchedAt ?? -INTERVAL_MS) + INTERVAL_MS - performance.now());
-    this.timer = setTimeout(async () => {
-      this.fetchedAt = performance.now();
-      this.shownView = store.viewSequence;
-      await Promise.all(Object.keys(this.images).map((kind) => this.#fetch(kind)));
-      this.timer = null;
-      this.#schedule();
-    }, pause);
+    if (this.busy || key === null || key === this.shown) return;
+    this.busy = true;
+    const wait = view.past || this.past ? 0 : this.fetchedAt + INTERVAL_MS - performance.now();
+    setTimeout(() => this.#fetchAll(), Math.max(0, wait));
   }
 
-  async #fetch(kind) {
-    const id = store.mission.id;
+  async #fetchAll() {
+    this.fetchedAt = performance.now();
+    this.shown = view.imageKey;
+    this.past = view.past !== null;
+    if (this.shown !== null)
+      await Promise.all(Object.keys(this.images).map((kind) => this.#fetch(kind, this.shown)));
+    this.busy = false;
+    this.#schedule();
+  }
+
+  async #fetch(kind, key) {
     let response;
     try {
-      response = await fetch(imageUrl(id, kind), { cache: "no-cache" });
+      response = await fetch(view.imageUrl(kind), view.past ? {} : { cache: "no-cache" });
     } catch {
       return; // the badge in the bar tells when the service is gone
     }
-    const tag = response.headers.get("ETag");
-    if (!response.ok || tag === this.tags[kind] || store.mission.id !== id) return;
+    const tag = response.headers.get("ETag") ?? key;
+    if (!response.ok || tag === this.tags[kind] || !key.startsWith(store.mission.id)) return;
     this.#show(kind, tag, await response.blob());
   }
 

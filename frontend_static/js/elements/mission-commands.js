@@ -1,11 +1,15 @@
 /** Pause, resume and the STOP button. Space pauses and resumes, Shift+S stops. */
 import { element } from "../format.js";
-import { report, store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { report, store } from "../store.js";
 
 const OCTAGON =
   '<svg viewBox="0 0 16 16" aria-hidden="true"><path d="M5 0h6l5 5v6l-5 5H5l-5-5V5z"/></svg>';
 
-class MissionCommands extends HTMLElement {
+/** Where letters are text. */
+const WRITTEN = "textarea, input:not([type=number], [type=range], [type=checkbox])";
+
+class MissionCommands extends Part {
   connectedCallback() {
     this.start = element("button", { type: "button", id: "start", class: "primary" }, "Start");
     this.toggle = element("button", { type: "button", id: "pause", title: "Space" }, "Pause");
@@ -15,14 +19,8 @@ class MissionCommands extends HTMLElement {
     this.start.addEventListener("click", () => this.#send("start"));
     this.toggle.addEventListener("click", () => this.#toggle());
     this.stop.addEventListener("click", () => this.#send("stop"));
-    this.onKey = (event) => this.#key(event);
-    document.addEventListener("keydown", this.onKey);
-    this.unwatch = watch(["mission", "session"], () => this.#draw());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
-    document.removeEventListener("keydown", this.onKey);
+    this.hear(document, "keydown", (event) => this.#key(event));
+    this.follow(store, ["mission", "session"], () => this.#draw());
   }
 
   #draw() {
@@ -31,17 +29,20 @@ class MissionCommands extends HTMLElement {
     const allowed = store.operator;
     this.start.hidden = state !== "created";
     this.start.disabled = !allowed;
-    const paused = state === "paused" || state === "interrupted";
-    this.toggle.textContent = paused ? "Resume" : "Pause";
-    this.toggle.disabled = !allowed || !(state === "running" || paused);
+    this.toggle.textContent = this.#resumes ? "Resume" : "Pause";
+    this.toggle.disabled = !allowed || !(state === "running" || this.#resumes);
     // STOP passes whatever this page believes about the state: only an ended mission cannot be stopped.
     this.stop.disabled = !allowed || (!store.active && !commands.includes("stop"));
     this.stop.title = allowed ? "Shift+S" : "Viewers watch; stopping needs an operator";
     this.stop.lastElementChild.textContent = state === "stopping" ? "STOPPING" : "STOP";
   }
 
+  get #resumes() {
+    return ["paused", "interrupted"].includes(store.mission?.state);
+  }
+
   #toggle() {
-    this.#send(["paused", "interrupted"].includes(store.mission?.state) ? "resume" : "pause");
+    this.#send(this.#resumes ? "resume" : "pause");
   }
 
   async #send(command) {
@@ -53,8 +54,11 @@ class MissionCommands extends HTMLElement {
   }
 
   #key(event) {
-    const typing = event.target.closest("input, select, textarea, button, a, [role=tab]");
-    if (event.key === "S" && event.shiftKey && !event.target.closest("input, textarea")) {
+    // STOP works wherever the focus is, but where a capital S is being typed.
+    const at = event.target instanceof Element ? event.target : document.body;
+    const typing = at.closest("input, select, textarea, button, a, [role=tab], summary, canvas");
+    if (event.key === "S" && event.shiftKey && !at.matches(WRITTEN)) {
+      event.preventDefault();
       if (!this.stop.disabled) this.#send("stop");
     } else if (event.key === " " && !typing && !this.toggle.disabled) {
       event.preventDefault();

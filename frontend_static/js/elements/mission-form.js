@@ -1,8 +1,10 @@
 /** Create and start a mission. */
 import { element } from "../format.js";
-import { store, watch } from "../store.js";
+import { missions } from "../missions.js";
+import { Part } from "../observable.js";
+import { report, store } from "../store.js";
 
-class MissionForm extends HTMLElement {
+class MissionForm extends Part {
   connectedCallback() {
     this.scene = element("select", { name: "scene", id: "scene" });
     this.preset = element("select", { name: "preset", id: "preset" });
@@ -34,6 +36,9 @@ class MissionForm extends HTMLElement {
       element("option", { value: "lockstep" }, "lockstep"),
       element("option", { value: "real" }, "real time"),
     );
+    this.settings = document.createElement("settings-editor");
+    this.more = element("details", { class: "wide all-settings" }, element("summary", {}, "All settings"), this.settings);
+    this.more.addEventListener("toggle", () => this.#loadSettings());
     this.hint = element("p", { class: "hint" });
     this.problem = element("p", { class: "problem", role: "alert" });
     this.submit = element("button", { type: "submit", class: "primary wide", id: "launch" }, "Start mission");
@@ -46,6 +51,7 @@ class MissionForm extends HTMLElement {
       field("Time limit (s)", this.limit),
       field("Clock", this.clock, "wide"),
       this.hint,
+      this.more,
       this.problem,
       this.submit,
     );
@@ -53,20 +59,19 @@ class MissionForm extends HTMLElement {
       event.preventDefault();
       this.#launch();
     });
-    this.preset.addEventListener("change", () => this.#presetClock());
+    this.preset.addEventListener("change", () => {
+      this.#presetClock();
+      this.#loadSettings();
+    });
     form.addEventListener("input", () => {
       this.key = crypto.randomUUID();
       this.#drawHint();
     });
     this.key = crypto.randomUUID();
     this.append(form);
-    this.unwatch = watch(["catalogue"], () => this.#fill());
-    this.unwatchState = watch(["missions", "mission", "session"], () => this.#drawButton());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
-    this.unwatchState();
+    this.follow(store, ["catalogue"], () => this.#fill());
+    this.follow(store, ["mission", "session"], () => this.#drawButton());
+    this.follow(missions, ["missions"], () => this.#drawButton());
   }
 
   #fill() {
@@ -81,9 +86,24 @@ class MissionForm extends HTMLElement {
     this.#drawHint();
   }
 
+  /** Changes count for the preset that they were made to. */
+  get #overrides() {
+    return this.settings.preset === this.preset.value ? Object.fromEntries(this.settings.overrides) : {};
+  }
+
   #presetClock() {
     const preset = store.presets.find(({ name }) => name === this.preset.value);
     this.clock.value = preset?.content.clock ?? "lockstep";
+  }
+
+  /** Settings are asked for once they are to be seen. */
+  async #loadSettings() {
+    if (!this.more.open || !this.preset.value) return;
+    try {
+      await this.settings.load(this.preset.value);
+    } catch (error) {
+      report(error);
+    }
   }
 
   #drawHint() {
@@ -95,24 +115,30 @@ class MissionForm extends HTMLElement {
   }
 
   #drawButton() {
-    const full = store.running.length >= store.missionsAtOnce || store.queued.length > 0;
+    const full = missions.running.length >= missions.atOnce || missions.queued.length > 0;
     this.submit.disabled = Boolean(this.launching || !store.operator);
     this.submit.textContent = full ? "Queue mission" : "Start mission";
     this.submit.title = store.operator
       ? full
-        ? `Starts when a place is free; ${store.queued.length} ahead of it`
+        ? `Starts when a place is free; ${missions.queued.length} ahead of it`
         : ""
       : "Viewers watch; starting needs an operator";
   }
 
   async #launch() {
     this.problem.textContent = "";
-    for (const input of this.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
+    for (const input of [this.scene, this.preset, this.seed, this.limit, this.clock]) input.removeAttribute("aria-invalid");
+    if (this.more.open && !this.settings.valid) {
+      this.problem.textContent = "A setting below is not allowed.";
+      this.settings.querySelector("[aria-invalid=true]").focus();
+      return;
+    }
     const wish = {
       scene: this.scene.value,
       preset: this.preset.value,
       seed: Number(this.seed.value),
       clock: this.clock.value,
+      overrides: this.#overrides,
     };
     if (this.limit.value !== "") wish.max_time_s = Number(this.limit.value);
     this.launching = true;
@@ -122,7 +148,7 @@ class MissionForm extends HTMLElement {
       this.key = crypto.randomUUID();
     } catch (error) {
       this.problem.textContent = error.message;
-      for (const { field: name } of error.errors ?? [])
+      for (const { field: name } of this.settings.showErrors(error.errors ?? []))
         this.querySelector(`[name="${CSS.escape(name)}"]`)?.setAttribute("aria-invalid", "true");
     } finally {
       this.launching = false;

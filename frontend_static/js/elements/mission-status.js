@@ -1,23 +1,13 @@
 /** State of the mission, its reason in words, and whether what is shown is fresh. */
 import { element, setText } from "../format.js";
-import { store, watch } from "../store.js";
+import { missions } from "../missions.js";
+import { Part } from "../observable.js";
+import { GLYPHS } from "../states.js";
+import { store } from "../store.js";
 
-const GLYPHS = {
-  created: "○",
-  queued: "⋯",
-  starting: "◔",
-  running: "▶",
-  paused: "❚❚",
-  stopping: "◼",
-  interrupted: "↯",
-  completed: "✓",
-  failed: "✕",
-  aborted: "⊘",
-  none: "○",
-};
 const STALE_S = 6;
 
-class MissionStatus extends HTMLElement {
+class MissionStatus extends Part {
   connectedCallback() {
     this.glyph = element("span", { "aria-hidden": "true" });
     this.word = element("span");
@@ -25,13 +15,9 @@ class MissionStatus extends HTMLElement {
     this.reason = element("span", { class: "reason", id: "mission-reason" });
     this.badge = element("span", { class: "badge", role: "alert", id: "stale-badge", hidden: true });
     this.append(this.pill, this.reason, this.badge);
-    this.unwatch = watch(["mission", "missions", "plan", "connection"], () => this.#draw());
-    this.timer = setInterval(() => this.#drawBadge(), 1000);
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
-    clearInterval(this.timer);
+    this.follow(store, ["mission", "plan", "connection"], () => this.#draw());
+    this.follow(missions, ["missions"], () => this.#draw());
+    this.every(1000, () => this.#drawBadge());
   }
 
   #draw() {
@@ -40,7 +26,7 @@ class MissionStatus extends HTMLElement {
       this.pill.dataset.state = state;
       setText(document.getElementById("announcer"), `Mission ${state}`);
     }
-    setText(this.glyph, GLYPHS[state]);
+    setText(this.glyph, GLYPHS[state] ?? "?");
     setText(this.word, state === "none" ? "no mission" : state);
     setText(this.reason, this.#reason(state));
     this.reason.title = this.reason.textContent;
@@ -48,11 +34,12 @@ class MissionStatus extends HTMLElement {
   }
 
   #reason(state) {
-    if (!store.mission) return "Choose a scene and a preset on the left, then start.";
+    if (!store.mission) return "Choose a scene and a preset under New, then start.";
     if (state === "queued") {
-      const place = store.queued.indexOf(store.mission.id) + 1;
+      const place = missions.placeOf(store.mission.id);
       return place ? `Number ${place} in the queue: ${store.mission.reason}` : store.mission.reason;
     }
+    if (store.mission.approval) return "Waits for your word on the next view";
     if (state === "running" && store.plan) return store.plan.reason;
     return store.mission.reason;
   }
@@ -67,7 +54,8 @@ class MissionStatus extends HTMLElement {
     if (!store.serviceReachable) return "Service does not answer";
     if (!store.connected) return "Connection lost, reconnecting";
     const moving = store.mission?.state === "running";
-    if (moving && store.silence > STALE_S) return `Stale: no data for ${Math.round(store.silence)} s`;
+    if (moving && !store.mission.approval && store.silence > STALE_S)
+      return `Stale: no data for ${Math.round(store.silence)} s`;
     return "";
   }
 }

@@ -1,15 +1,12 @@
 /** Files that the mission left behind. */
-import { resultUrl } from "../api.js";
+import { archiveUrl, resultUrl } from "../api.js";
 import { bytes, element } from "../format.js";
-import { store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { store } from "../store.js";
 
-class ResultList extends HTMLElement {
+class ResultList extends Part {
   connectedCallback() {
-    this.unwatch = watch(["results", "mission"], () => this.#draw());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
+    this.follow(store, ["results", "mission"], () => this.#draw());
   }
 
   #draw() {
@@ -19,7 +16,15 @@ class ResultList extends HTMLElement {
       this.replaceChildren(element("p", { class: "empty" }, text));
       return;
     }
+    const written = results.some(({ name }) => name !== "process.log");
+    const everything = element(
+      "a",
+      { class: "button primary", id: "download-all", href: archiveUrl(mission.id), download: true },
+      "Download everything (ZIP)",
+    );
+    const note = store.active ? "The mission is still under way: more is written when it ends." : "";
     this.replaceChildren(
+      element("div", { class: "all" }, ...(written ? [everything] : []), element("p", { class: "hint" }, note)),
       element(
         "ul",
         {},

@@ -1,19 +1,25 @@
 /** The 3D scene, served by the viewer. */
 import { sceneUrl } from "../api.js";
 import { element, setText } from "../format.js";
-import { store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { store } from "../store.js";
 
-class SceneFrame extends HTMLElement {
+class SceneFrame extends Part {
   connectedCallback() {
     this.note = element("div", { class: "note", id: "scene-note" });
     this.append(this.note);
-    this.unwatch = watch(["system", "mission", "figures"], () => this.#load());
-    this.unwatchNote = watch(["system", "mission", "figures"], () => this.#drawNote());
+    this.follow(store, ["system", "mission", "figures"], () => this.#show());
   }
 
-  disconnectedCallback() {
-    this.unwatch();
-    this.unwatchNote();
+  /** The scene is loaded once it is to be seen: it costs the browser memory and time. */
+  set seen(seen) {
+    this.wanted = seen;
+    if (this.isConnected) this.#show();
+  }
+
+  #show() {
+    this.#load();
+    setText(this.note, this.#message());
   }
 
   #load() {
@@ -23,17 +29,20 @@ class SceneFrame extends HTMLElement {
     this.frame?.remove();
     if (!id) return;
     this.frame = element("iframe", { src: sceneUrl(id), title: "3D scene", id: "scene-view" });
+    // Keys belong to the scene while it has the focus; STOP is heard there, too.
+    this.frame.addEventListener("load", ({ target }) => {
+      target.contentWindow.addEventListener("keydown", ({ key, shiftKey, target: at }) => {
+        if (key !== "S" || !shiftKey || at.closest?.("input, textarea")) return;
+        document.dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }));
+      });
+    });
     this.prepend(this.frame);
   }
 
   /** The mission whose scene can be looked at; null when there is none yet. */
   #shown() {
-    if (!store.system?.viewer || !store.mission) return null;
+    if (!this.wanted || !store.system?.viewer || !store.mission) return null;
     return store.active || store.viewSequence > 0 ? store.mission.id : null;
-  }
-
-  #drawNote() {
-    setText(this.note, this.#message());
   }
 
   #message() {

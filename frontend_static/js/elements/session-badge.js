@@ -1,16 +1,13 @@
 /** Who is logged in, in which role, and the way out. Nothing where no login is needed. */
 import { closeSession, toLogin } from "../api.js";
 import { element } from "../format.js";
-import { report, store, watch } from "../store.js";
+import { Part } from "../observable.js";
+import { report, store } from "../store.js";
 
-class SessionBadge extends HTMLElement {
+class SessionBadge extends Part {
   connectedCallback() {
     this.hidden = true;
-    this.unwatch = watch(["session"], () => this.#draw());
-  }
-
-  disconnectedCallback() {
-    this.unwatch();
+    this.follow(store, ["session"], () => this.#draw());
   }
 
   #draw() {
