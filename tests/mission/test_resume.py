@@ -9,7 +9,8 @@ import pytest
 from hgs_core.errors import CheckpointError, ConfigError
 from hgs_core.evaluation.report import MissionReport
 from hgs_core.mission.checkpoint import CheckpointFolder
-from hgs_core.mission.events import Command, MissionEvent, MissionView, Telemetry
+from hgs_core.mission.commands import Command
+from hgs_core.mission.events import MissionEvent, MissionView, Telemetry
 from hgs_core.mission.finished_run import resuming_request
 from hgs_core.mission.run import MissionRequest, NoCommands, run_mission
 from hgs_core.mission.state_file import StateWriter
