@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float, Float32, Float64
 from numpy import ndarray
 
 from hgs_core.gain.adaptive import adaptive_gains
-from hgs_core.gain.coverage import coverage_by_yaw
+from hgs_core.gain.coverage import coverage_by_yaw, surface_by_layer
 from hgs_core.gain.field import GainField
-from hgs_core.gain.panorama import PanoramaGrid, march
+from hgs_core.gain.panorama import PanoramaGrid, Panoramas, in_window, march
 from hgs_core.gain.quality import FisherField, RaySample, as_area
-from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, ViewGains
+from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, SurfaceInView, ViewGains
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
 
@@ -42,6 +42,8 @@ class PanoramaGainEvaluator:
         self._field: GainField | None = None
         self._fisher: FisherField | None = None
         self._field_of: MapSnapshot | None = None
+        self._fullness: Float32[ndarray, " nz"] | None = None
+        """`surface` coverage alone: see `surface_by_layer`."""
 
     def evaluate(
         self,
@@ -52,31 +54,59 @@ class PanoramaGainEvaluator:
         coverage_only: bool = False,
     ) -> ViewGains:
         """See `GainEvaluator`."""
-        field = self._field_over(snapshot)
-        near = field.chunks_near(positions_m, self._range_m)
-        field.gather(snapshot, near)
-        surface = self.config.coverage_measure is CoverageMeasure.SURFACE
-        panoramas = march(
-            self._grid,
-            field,
-            positions_m,
-            range_m=self._range_m,
-            free_path_m=self.config.free_path_m if surface else np.inf,
-        )
+        panoramas = self._marched(snapshot, positions_m)
         coverage = coverage_by_yaw(
             self._window,
             panoramas,
             self.config.coverage_measure,
-            voxel_volume_m3=field.size_m**3,
+            voxel_volume_m3=snapshot.voxels.config.size_m**3,
             pixels_per_ray=self._grid.pixels_per_ray,
         )
         if coverage_only and self.config.use_coverage:
             quality = np.zeros_like(coverage)
         else:
             scores = self._quality(snapshot, positions_m, panoramas.entered)
+            field = self._field_over(snapshot)
+            near = field.chunks_near(positions_m, self._range_m)
             quality = as_area(scores, gaussians_per_m2=field.gaussians_per_m2(near))
         return adaptive_gains(
             self.config, self._grid.yaws_rad, coverage, quality, observed_share=observed_share
+        )
+
+    def new_surface_in_view(
+        self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"], yaws_rad: Float[ndarray, " n"]
+    ) -> list[SurfaceInView]:
+        """See `LocatingEvaluator`."""
+        panoramas = self._marched(snapshot, positions_m)
+        yaws = np.round((yaws_rad + np.pi) / self._grid.azimuth_step_rad).astype(np.int64)
+        area = panoramas.new_surface_m2 * in_window(self._window, yaws % self._grid.n_azimuths)
+        shape = snapshot.voxels.states.shape
+        edge = max(1, round(self.config.locating_cube_m / snapshot.voxels.config.size_m))
+        in_view = []
+        for first, weights in zip(panoramas.first_unseen, area, strict=True):
+            seen = (first >= 0) & (weights > 0)
+            voxels = np.stack(np.unravel_index(first[seen], shape))
+            cubes = np.ravel_multi_index(tuple(voxels // edge), shape)
+            found, index = np.unique(cubes, return_inverse=True)
+            in_view.append(
+                SurfaceInView(cubes=found, area_m2=np.bincount(index, weights[seen]).astype(np.float64))
+            )
+        return in_view
+
+    def _marched(self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"]) -> Panoramas:
+        field = self._field_over(snapshot)
+        by_surface = self.config.coverage_measure is CoverageMeasure.SURFACE
+        field.gather(
+            snapshot,
+            field.chunks_near(positions_m, self._range_m),
+            fullness=self._fullness if by_surface else None,
+        )
+        return march(
+            self._grid,
+            field,
+            positions_m,
+            range_m=self._range_m,
+            free_path_m=self.config.free_path_m if by_surface else np.inf,
         )
 
     def _quality(
@@ -92,6 +122,7 @@ class PanoramaGainEvaluator:
 
     def _field_over(self, snapshot: MapSnapshot) -> GainField:
         """The fields of the snapshot's maps, as far as they have been gathered."""
+        is_new = not snapshot.is_same(self._field_of)
         if self._field is None or not self._field.is_over(snapshot.voxels):
             self._field = GainField.over(snapshot.voxels)
             if self.config.use_quality and snapshot.voxels.states.size:
@@ -102,10 +133,12 @@ class PanoramaGainEvaluator:
                     saturation_m=self.config.quality_saturation_m,
                     range_m=self._range_m,
                 )
-        elif not snapshot.is_same(self._field_of):
+        elif is_new:
             self._field.is_gathered[:] = False
             if self._fisher is not None:
                 self._fisher.forget()
+        if is_new and self.config.coverage_measure is CoverageMeasure.SURFACE:
+            self._fullness = surface_by_layer(snapshot.voxels, free_path_m=self.config.free_path_m)
         self._field_of = snapshot
         return self._field
 

@@ -28,8 +28,8 @@ CHUNK: Final[int] = kernels.GAIN_CHUNK
 class GainField:
     """The voxels of a map, gathered chunk by chunk where they are asked for.
 
-    `cells[..., 0]` is a voxel's optical depth over one edge length, `cells[..., 1]` is 1 where seeing it is
-    a gain.
+    `cells[..., 0]` is a voxel's optical depth over one edge length; `cells[..., 1]` is 0 where seeing it is
+    no gain, elsewhere how full of surface it is likely to be: 1 is as full as unobserved space in the mean.
     """
 
     first_index: Int[ndarray, " 3"]
@@ -77,8 +77,16 @@ class GainField:
             near[i:end_i, j:end_j] = True
         return near
 
-    def gather(self, snapshot: MapSnapshot, chunks: Bool[ndarray, "n_chunks_x n_chunks_y"]) -> None:
+    def gather(
+        self,
+        snapshot: MapSnapshot,
+        chunks: Bool[ndarray, "n_chunks_x n_chunks_y"],
+        *,
+        fullness: Float32[ndarray, " nz"] | None = None,
+    ) -> None:
         """Fill those of the chunks that are not gathered yet. The snapshot's voxels are this field's.
+
+        `fullness` is how full of surface the unobserved voxels of each layer are likely to be.
 
         A Gaussian of opacity `o` and radius `r` adds `2 pi o r^2 / face area` to the optical depth of the
         voxel that holds its centre. Occupied voxels let nothing through whatever their Gaussians, and neither
@@ -102,6 +110,10 @@ class GainField:
             self.n_gaussians,
             self.n_populated,
         )
+        if fullness is not None:
+            nx, ny, _, _ = self.cells.shape
+            columns = np.repeat(np.repeat(wanted, CHUNK, axis=0), CHUNK, axis=1)[:nx, :ny]
+            self.cells[columns, :, UNSEEN] *= fullness
         self.is_gathered[wanted] = True
 
     def gaussians_per_m2(self, chunks: Bool[ndarray, "n_chunks_x n_chunks_y"]) -> float:

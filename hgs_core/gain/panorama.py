@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
@@ -95,7 +95,10 @@ class Panoramas:
     unseen_voxels: Float32[ndarray, "n n_elevations n_azimuths"]
     """Unobserved voxels on the direction's ray, weighted likewise (the sum of Eq. 4 without `V`)."""
     new_surface_m2: Float32[ndarray, "n n_elevations n_azimuths"]
-    """Surface expected in unobserved space, across the direction; 0 where that is taken to hide nothing."""
+    """Surface expected in unobserved space; 0 where that is taken to hide nothing."""
+    first_unseen: Int32[ndarray, "n n_elevations n_azimuths"]
+    """The first voxel of unobserved space on the direction's ray, as a flat index of the field's cells; -1
+    for none."""
     entered: Bool[ndarray, "n_chunks_x n_chunks_y"]
     """The field's chunks that a ray came into, before it ended or as it did."""
 
@@ -110,12 +113,14 @@ def march(
 ) -> Panoramas:
     """March every direction of every viewpoint through the field, up to `range_m` of horizontal distance.
 
-    `free_path_m` is how far light comes in unobserved space, in the mean. Unless it is infinite, as in Eq. 4,
-    the other sums are weighted with what that leaves of the light, too.
+    `free_path_m` is how far light comes in unobserved space, in the mean; in a voxel that is `k` times as
+    full of surface, a `k`-th of it. Unless it is infinite, as in Eq. 4, the other sums are weighted with what
+    that leaves of the light, too.
     """
     size_m = field.size_m
     shape = (len(positions_m), grid.n_elevations, grid.n_azimuths)
     volume, voxels, surface = (np.zeros(shape, np.float32) for _ in range(3))
+    first_unseen = np.full(shape, -1, np.int32)
     entered = np.zeros_like(field.is_gathered)
     if field.cells.size:
         kernels.march_panoramas(
@@ -129,6 +134,7 @@ def march(
             volume,
             voxels,
             surface,
+            first_unseen,
             entered,
         )
     # The kernel measures in voxels.
@@ -136,8 +142,18 @@ def march(
         unseen_volume_m3=volume * np.float32(size_m**3),
         unseen_voxels=voxels,
         new_surface_m2=surface * np.float32(size_m**2),
+        first_unseen=first_unseen,
         entered=entered,
     )
+
+
+def in_window(
+    window: Float64[ndarray, "n_elevations n_azimuths"], yaw_indices: Int[ndarray, " n"]
+) -> Float64[ndarray, "n n_elevations n_azimuths"]:
+    """How much of each direction a camera sees that is turned to yaw `yaw_indices[i]`."""
+    n_azimuths = window.shape[1]
+    columns = (np.arange(n_azimuths)[None] - yaw_indices[:, None]) % n_azimuths
+    return np.moveaxis(window[:, columns], 0, 1)
 
 
 def by_yaw(

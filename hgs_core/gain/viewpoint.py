@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from pydantic import Field
 
@@ -41,6 +41,9 @@ class GainConfig(StrictConfig):
     prior_information: float = Field(1.0, gt=0)
     """lambda of Eq. 9, for colours: about what one view from a few metres holds of a Gaussian's colour. See
     `parameter_priors` for the other parameters. FisherRF uses 0.1 for all in active mapping."""
+    locating_cube_m: float = Field(0.4, gt=0)
+    """Views show the same new surface where they come into unseen space through the same cube of this
+    edge."""
     coverage_scale_m3: float = Field(1.0, gt=0)
     """Newly visible volume that counts as 1."""
     coverage_scale_m2: float = Field(1.0, gt=0)
@@ -91,6 +94,17 @@ class ViewGains:
     best_yaw_rad: Float[ndarray, " n"]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceInView:
+    """Where one view would see new surface."""
+
+    cubes: Int[ndarray, " n"]
+    """Cubes through which its rays come into unseen space, as numbers that are the same for every view of a
+    snapshot, rising."""
+    area_m2: Float[ndarray, " n"]
+    """New surface to be expected behind each."""
+
+
 @runtime_checkable
 class GainEvaluator(Protocol):
     """Scores viewpoints from the maps alone."""
@@ -107,4 +121,15 @@ class GainEvaluator(Protocol):
 
         `coverage_only` leaves quality at 0, which is several times as fast, unless there is no other gain.
         """
+        ...
+
+
+@runtime_checkable
+class LocatingEvaluator(GainEvaluator, Protocol):
+    """An evaluator that also knows where a view's new surface is: so that two views do not count it twice."""
+
+    def new_surface_in_view(
+        self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"], yaws_rad: Float[ndarray, " n"]
+    ) -> list[SurfaceInView]:
+        """What a level camera at each position sees at each yaw (to the nearest that `evaluate` scores)."""
         ...

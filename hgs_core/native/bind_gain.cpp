@@ -69,9 +69,10 @@ void gather_gain(Rows8 parameters, Array<const float, nb::shape<-1, 6>> block_bo
 void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 2>> cells, Array<const double, nb::shape<-1, 3>> positions,
                      double tan_low, double tan_high, double range, double opaque_below, double unseen_depth,
                      Volume<float> unseen_volume, Volume<float> unseen_voxels, Volume<float> new_surface,
-                     Chunks<bool> entered) {
+                     Volume<std::int32_t> first_unseen, Chunks<bool> entered) {
   for (std::size_t a = 0; a < 3; ++a) {
-    if (unseen_voxels.shape(a) != unseen_volume.shape(a) || new_surface.shape(a) != unseen_volume.shape(a)) {
+    if (unseen_voxels.shape(a) != unseen_volume.shape(a) || new_surface.shape(a) != unseen_volume.shape(a) ||
+        first_unseen.shape(a) != unseen_volume.shape(a)) {
       throw nb::value_error("panoramas differ in shape");
     }
   }
@@ -93,7 +94,8 @@ void march_panoramas(Array<const float, nb::shape<-1, -1, -1, 2>> cells, Array<c
   hgs::march_panoramas(grid_of(cells.shape(0), cells.shape(1), cells.shape(2)),
                        reinterpret_cast<const hgs::PanoramaCell*>(cells.data()), positions.data(),
                        static_cast<std::int64_t>(positions.shape(0)), panorama, unseen_volume.data(),
-                       unseen_voxels.data(), new_surface.data(), reinterpret_cast<std::uint8_t*>(entered.data()));
+                       unseen_voxels.data(), new_surface.data(), first_unseen.data(),
+                       reinterpret_cast<std::uint8_t*>(entered.data()));
 }
 
 hgs::FisherField* fisher_field(Array<const std::int64_t, nb::shape<3>> shape, Array<const double, nb::shape<3>> lower,
@@ -158,7 +160,8 @@ void bind_gain(nb::module_& m) {
         "lower"_a, "cell"_a, "min_opacity"_a, "wanted"_a, "cells"_a, "n_gaussians"_a, "n_populated"_a,
         "Fill the wanted chunks of cells (optical depth, unseen) from both maps.");
   m.def("march_panoramas", &march_panoramas, "cells"_a, "positions"_a, "tan_low"_a, "tan_high"_a, "range"_a,
-        "opaque_below"_a, "unseen_depth"_a, "unseen_volume"_a, "unseen_voxels"_a, "new_surface"_a, "entered"_a,
+        "opaque_below"_a, "unseen_depth"_a, "unseen_volume"_a, "unseen_voxels"_a, "new_surface"_a, "first_unseen"_a,
+        "entered"_a,
         "March panoramas (n, elevation, azimuth) through cells (optical depth, unseen), lengths in cells; flag the "
         "chunks that rays enter.");
   nb::class_<hgs::FisherField>(m, "FisherField", "Gaussians by the cells that they reach into; scores rays exactly.")

@@ -44,7 +44,7 @@ void gather_gain(const Grid& grid, const GridPlace& place, const GaussianRows& m
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
                      const Panorama& panorama, float* unseen_volume, float* unseen_voxels, float* new_surface,
-                     std::uint8_t* entered);
+                     std::int32_t* first_unseen, std::uint8_t* entered);
 
 // sums[i, k] = sum over e, m of window[e, m] * panoramas[i, e, (k + m) mod n_azimuth].
 void slide_window(const float* panoramas, std::int64_t n, std::int64_t n_rows, std::int64_t n_azimuth,

@@ -5,7 +5,7 @@
 namespace hgs {
 
 // What one voxel means to a ray: its optical depth over one edge length (infinite where nothing passes), and whether
-// seeing it is a gain.
+// seeing it is a gain: 0, or how many times as full of surface as unseen space is in the mean.
 struct PanoramaCell {
   float optical_depth = 0.0f, unseen = 0.0f;
 };
@@ -27,7 +27,7 @@ struct Panorama {
   double tan_low, tan_high;  // of the elevations at the lower and upper edge
   double range;              // horizontal, in cells
   double opaque_below;       // a ray ends where less than this is left of it
-  double unseen_depth;       // optical depth of a cell of unseen voxels over one edge length; 0: they hide nothing
+  double unseen_depth;       // optical depth of a mean unseen voxel over one edge length; 0: they hide nothing
 };
 
 // Rays from one place, each to `range` of horizontal distance.
@@ -39,9 +39,10 @@ struct PanoramaRays {
 };
 
 // Per ray, in units of the range: the integral of 3 T t^2 dt over unseen voxels, their number weighted with T, and
-// the integral of t^2 over what unseen voxels take of the light.
+// the integral of T t^2 dt times the optical depth of unseen voxels over the range; and the first unseen voxel, -1 for none.
 struct PanoramaSums {
   float *volume, *voxels, *surface;
+  std::int32_t* first_unseen;
   std::uint8_t* entered;  // (chunks_x, chunks_y): set for chunks of columns that a ray comes into
 };
 

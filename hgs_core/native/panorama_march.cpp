@@ -6,7 +6,8 @@
 // light that the voxels before let through (exp of minus optical depth times length), adds
 //   unseen volume   T (rho_1^3 - rho_0^3) / 3 du dphi           for a voxel whose sight is a gain
 //   unseen voxels   T                                           the same, per pixel (the paper's measure)
-//   new surface     T (1 - exp(-kappa l)) rho^2 du dphi         the same, if unseen space hides kappa per length
+//   new surface     T kappa (rho_1^3 - rho_0^3) / 3 du dphi     the same, if it holds kappa of surface per volume;
+//                                                               such a voxel lets exp(-kappa l) of the light through
 //
 // Rows are staggered within their bins by the golden ratio: directions spread evenly, and no voxel is missed by
 // all rows at once.
@@ -45,7 +46,7 @@ struct Directions {
 
 void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* positions, std::int64_t n_positions,
                      const Panorama& panorama, float* unseen_volume, float* unseen_voxels,
-                     float* new_surface, std::uint8_t* entered) {
+                     float* new_surface, std::int32_t* first_unseen, std::uint8_t* entered) {
   const double d_phi = 2.0 * std::numbers::pi / panorama.n_azimuth;
   const double d_u = (panorama.tan_high - panorama.tan_low) / panorama.n_elevation;
   const auto volume_scale = static_cast<float>(std::pow(panorama.range, 3.0) / 3.0 * d_u * d_phi);
@@ -61,7 +62,9 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
   {
     std::vector<std::uint8_t> own_entered(static_cast<std::size_t>(n_chunks));
     std::vector<float> column(static_cast<std::size_t>(3 * n_rows));
-    const PanoramaSums sums{column.data(), column.data() + n_rows, column.data() + 2 * n_rows, own_entered.data()};
+    std::vector<std::int32_t> first_cells(static_cast<std::size_t>(n_rows));
+    const PanoramaSums sums{column.data(), column.data() + n_rows, column.data() + 2 * n_rows, first_cells.data(),
+                            own_entered.data()};
 #pragma omp for collapse(2) schedule(dynamic, 8)
     for (std::int64_t n = 0; n < n_positions; ++n) {
       for (std::int64_t azimuth = 0; azimuth < panorama.n_azimuth; ++azimuth) {
@@ -77,6 +80,7 @@ void march_panoramas(const Grid& grid, const PanoramaCell* cells, const double* 
           unseen_volume[bin] = sums.volume[row] * volume_scale;
           unseen_voxels[bin] = sums.voxels[row];
           new_surface[bin] = sums.surface[row] * area_scale;
+          first_unseen[bin] = sums.first_unseen[row];
         }
       }
     }

@@ -26,7 +26,7 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
   const float opaque_below = static_cast<float>(panorama.opaque_below);
   const float unseen_depth = static_cast<float>(panorama.unseen_depth);
   const float* channels = &grid.cells->optical_depth;
-  const VFloat infinite = splat_all(__builtin_inff());
+  const VFloat infinite = splat_all(__builtin_inff()), third_of_range = splat_all(static_cast<float>(panorama.range / 3.0));
   for (int first = 0; first < rays.n; first += LANES) {
     const int n = rays.n - first < LANES ? rays.n - first : LANES;
     alignas(64) float padded[4][LANES] = {};
@@ -40,7 +40,7 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
     RayWalk walk(rays.from, load(padded[0]), load(padded[1]), load(padded[2]), grid.shape, VFloat{},
                  length > 0.0f ? splat_all(1.0f) : splat_all(-1.0f));
     VFloat left = splat_all(1.0f), volume{}, voxels{}, surface{};
-    VInt chunk = VInt{} - 1;
+    VInt chunk = VInt{} - 1, first_unseen = VInt{} - 1;
     note_chunks(walk, grid.chunks_y, chunk, sums.entered);
     while (any(walk.active)) {
       const VFloat t_enter = walk.t_enter, t_leave = walk.t_leave();
@@ -50,13 +50,13 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
       const VInt adds = unseen > 0.0f;
       if (any(adds)) {
         const VFloat added = adds ? left : VFloat{};
+        first_unseen = adds & (first_unseen < 0) ? cell >> 1 : first_unseen;
         volume += added * (t_leave * t_leave * t_leave - t_enter * t_enter * t_enter);
         voxels += added;
         if (unseen_depth > 0.0f) {
-          const VFloat through = vexp(-unseen_depth * (t_leave - t_enter) * length);
-          const VFloat middle = 0.5f * (t_enter + t_leave);
-          surface += added * (1.0f - through) * (middle * middle);
-          left = adds ? left * through : left;
+          const VFloat per_cell = unseen_depth * unseen;
+          surface += added * per_cell * (t_leave * t_leave * t_leave - t_enter * t_enter * t_enter) * third_of_range;
+          left = adds ? left * vexp(-per_cell * (t_leave - t_enter) * length) : left;
         }
       }
       if (any(optical_depth > 0.0f)) {
@@ -73,6 +73,7 @@ static void march_rays(const PanoramaCells& grid, const PanoramaRays& rays, cons
       sums.volume[first + lane] = volume[lane];
       sums.voxels[first + lane] = voxels[lane];
       sums.surface[first + lane] = surface[lane];
+      sums.first_unseen[first + lane] = first_unseen[lane];
     }
   }
 }

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from hgs_core.gain.viewpoint import SurfaceInView
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
@@ -55,6 +56,10 @@ class PlanningCycle:
             self.observed_share,
             coverage_only=coverage_only,
         )
+
+    def new_surface_in_view(self, views: list[View]) -> list[SurfaceInView]:
+        """Where each view, at its best yaw, would see new surface."""
+        return self.scorer.new_surface_in_view(self.snapshot, views)
 
     def score_here(self) -> list[View]:
         """The view from the robot's own place, to be had by turning alone; none where it may not stand."""

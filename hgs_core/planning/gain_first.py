@@ -6,8 +6,10 @@ Beyond HGS-Planner, by measurement:
 - many places. Half a metre decides whether a niche or a corner of a room is in sight: near the robot places
   are scored everywhere, tight corners included, and subspaces inside the horizon keep a view of their own;
 - metres count. Turning in place makes no path, so it costs a fraction of its time;
-- what is left of a view's gain is looked at while driving to it, and a view that was seen on the way is
-  dropped.
+- what many places show is counted once: of views that overlap few are kept, each with what it alone adds
+  (`distinct_views`);
+- gains are those of the newest maps, those of far subspaces, too. What is left of a view's gain is looked at
+  while driving to it, and a view that was seen on the way is dropped.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from hgs_core.gain.registry import build_evaluator
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.latency import least_latency_order
 from hgs_core.planning.next_best_view import Choice, NextBestViewConfig, NextBestViewPlanner
+from hgs_core.planning.overlap import Overlap, distinct_views
 from hgs_core.planning.registry import PlannerMethod
 from hgs_core.planning.sampling import poisson_disk
 from hgs_core.planning.subspace_views import OpenSubspaces, SubspaceViews, SubspaceViewsConfig
@@ -36,13 +39,23 @@ _SAME_PLACE_M = 0.1
 class GainFirstConfig(NextBestViewConfig):
     method: Literal["gain-first"] = "gain-first"
     gain_threshold: float = Field(0.5, gt=0)
-    """The total gain (1 = the gain configuration's scales) that a stop must be worth."""
+    """The total gain (1 = the gain configuration's scales) that a stop must be worth ..."""
+    glance_threshold: float = Field(0.1, gt=0)
+    """... but this is enough where the robot stands, and between the two in proportion ..."""
+    full_price_m: float = Field(3.0, gt=0)
+    """... up to so long a way to it [m]."""
     abandon_share: float = Field(0.5, gt=0, le=1)
-    """A view on the way is given up when its gain fell below this share of the threshold."""
-    urgency: float = Field(0.5, gt=0, le=1)
-    """How much the mean time until gains come counts, and how little the whole way's."""
+    """A view on the way is given up when its gain fell below this share of what a stop must be worth, and
+    looked at anew, with all others, when it fell below this share of what was expected."""
+    urgent_gain: float = Field(5.0, gt=0)
+    """A view that gains this much leads to as much again: behind what is seen through a door is a room,
+    behind a corner nothing. The mean time until gains come counts as much as the whole way's when the best
+    view gains this much: more while rooms are unknown, less when corners are left."""
     turning_weight: float = Field(0.2, ge=0)
     """A second of turning in place counts as so much of a second of driving."""
+    patience_m: float = Field(1.0, gt=0)
+    """Of views that show the same, one that shows twice as much may be so much more than twice as far
+    away [m]."""
     commitment_s: float = Field(1.5, ge=0)
     """The previous plan's next place costs so much less to go to first [s]: no dithering between equals."""
     sample_spacing_m: float = Field(0.5, gt=0)
@@ -68,13 +81,16 @@ class GainFirst:
         )
         self._travel = TravelTimes(context.robot, turning_weight=config.turning_weight)
         self._wanted_m: Float[ndarray, "n 2"] = np.zeros((0, 2))
+        self._expected = 0.0
+        """The gain of the first of them."""
 
     def choose(self, cycle: PlanningCycle, rng: np.random.Generator) -> Choice:
         found = self._subspaces.update(cycle, rng, whole_map=True)
         near = self._sampled(cycle, rng, found.in_horizon)
-        worth = [view for view in near if view.total_gain >= self._config.gain_threshold]
-        rejected = [view for view in near if view.total_gain < self._config.gain_threshold]
-        far = found.goals
+        enough = self._threshold(self._travel.driving_m(cycle, near))
+        worth = [view for view, least in zip(near, enough, strict=True) if view.total_gain >= least]
+        rejected = [view for view, least in zip(near, enough, strict=True) if view.total_gain < least]
+        far = self._renewed(cycle, found.goals)
         if not worth and not far:
             # Before giving up: every open subspace, scored anew.
             self._subspaces.forget()
@@ -85,6 +101,7 @@ class GainFirst:
         stops = self._ordered(cycle, [*worth, *far])
         later = [view for view in [*worth, *far] if not any(view is stop for stop in stops)]
         self._wanted_m = np.array([view.xy_m for view in stops]).reshape(-1, 2)
+        self._expected = stops[0].total_gain if stops else 0.0
         return Choice(
             stops=stops,
             outranked=later,
@@ -93,22 +110,38 @@ class GainFirst:
             reason=self._explained(worth, far, rejected, found),
         )
 
-    def why_drop(self, view: View, yaw_rad: float) -> str | None:
+    def why_drop(self, view: View, yaw_rad: float, away_m: float) -> str | None:
         gain = view.gain_at(yaw_rad)
-        if gain >= self._config.abandon_share * self._config.gain_threshold:
-            return None
-        self._subspaces.forget_at(view.xy_m)
-        return f"target already seen: only gain {gain:.2f} is left of it"
+        if gain < self._config.abandon_share * float(self._threshold(np.array([away_m]))[0]):
+            self._subspaces.forget_at(view.xy_m)
+            return f"target already seen: only gain {gain:.2f} is left of it"
+        if gain < self._config.abandon_share * self._expected:
+            return f"only gain {gain:.2f} is left of the target's {self._expected:.2f}"
+        return None
 
     def reconsider(self) -> None:
         self._subspaces.forget()
 
     def state(self) -> dict[str, Any]:
-        return {"subspaces": self._subspaces.state(), "wanted_m": self._wanted_m.copy()}
+        return {
+            "subspaces": self._subspaces.state(),
+            "wanted_m": self._wanted_m.copy(),
+            "expected": self._expected,
+        }
 
     def restore(self, state: dict[str, Any]) -> None:
         self._subspaces.restore(state["subspaces"])
         self._wanted_m = np.array(state["wanted_m"], dtype=np.float64).reshape(-1, 2)
+        self._expected = float(state["expected"])
+
+    def _threshold(self, away_m: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+        """What a stop must be worth after so long a way."""
+        config = self._config
+        share = np.minimum(away_m / config.full_price_m, 1.0)
+        threshold: Float[ndarray, " n"] = config.glance_threshold + share * (
+            config.gain_threshold - config.glance_threshold
+        )
+        return threshold
 
     def _sampled(self, cycle: PlanningCycle, rng: np.random.Generator, suggested: list[View]) -> list[View]:
         """Views inside the horizon: from the robot's place, from those that were wanted before or suggested
@@ -125,17 +158,40 @@ class GainFirst:
         views = [*cycle.score(cells[full]), *cycle.score(cells[~full], coverage_only=True)]
         return [*cycle.score_here(), *views]
 
+    def _renewed(self, cycle: PlanningCycle, goals: list[View]) -> list[View]:
+        """The goals as the newest maps see them; what is no longer worth a stop is searched for anew in the
+        next cycle."""
+        renewed = cycle.score(np.array([view.cell for view in goals], np.int64), coverage_only=True)
+        worth = []
+        for goal, view in zip(goals, renewed, strict=True):
+            if view.total_gain >= self._config.gain_threshold:
+                worth.append(view)
+            else:
+                self._subspaces.forget_at(goal.xy_m)
+        return worth
+
     def _ordered(self, cycle: PlanningCycle, views: list[View]) -> list[View]:
-        """The first few in the order that gains most early."""
+        """The first few of those that are needed, in the order that gains most early."""
         if not views:
             return []
+        views, gains = self._distinct(cycle, views)
         next_m = self._wanted_m[0] if len(self._wanted_m) else None
         if next_m is not None and np.hypot(*(next_m - cycle.robot_xy_m)) <= _SAME_PLACE_M:
             next_m = None
         costs = self._travel.committed_times_s(cycle, views, next_m, self._config.commitment_s)
-        gains = np.array([view.total_gain for view in views])
-        order = least_latency_order(costs, gains, urgency=self._config.urgency)
+        best, urgent = float(gains.max()), self._config.urgent_gain
+        leads_to = gains * (1.0 + gains / urgent)
+        order = least_latency_order(costs, leads_to, urgency=best / (best + urgent))
         return [views[k - 1] for k in order[: self._config.stops_ahead].tolist()]
+
+    def _distinct(self, cycle: PlanningCycle, views: list[View]) -> tuple[list[View], Float[ndarray, " n"]]:
+        """The views that are needed, and what each adds to the others."""
+        overlap = Overlap(np.array([view.total_gain for view in views]), cycle.new_surface_in_view(views))
+        away_m = self._travel.driving_m(cycle, views)
+        rows, gains = distinct_views(
+            overlap, away_m, thresholds=self._threshold(away_m), patience_m=self._config.patience_m
+        )
+        return [views[row] for row in rows], gains
 
     def _explained(
         self, worth: list[View], far: list[View], rejected: list[View], found: OpenSubspaces

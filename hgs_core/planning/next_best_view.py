@@ -86,8 +86,9 @@ class Reconsidering(Protocol):
 class Rechecking(Protocol):
     """A policy that looks again at the next view while the robot drives to it."""
 
-    def why_drop(self, view: View, yaw_rad: float) -> str | None:
-        """Why the view, as the newest maps see it, is not worth going on to; None when it is."""
+    def why_drop(self, view: View, yaw_rad: float, away_m: float) -> str | None:
+        """Why the view, as the newest maps see it and at least so far away, is not worth going on to; None
+        when it is."""
         ...
 
 
@@ -150,7 +151,10 @@ class NextBestViewPlanner(SurveyingPlanner):
         if not survey.pursuit.recheck_due(robot.timestamp_s):
             return None
         ahead = survey.next_view(snapshot, robot, plan.path, waypoints_passed)
-        return None if ahead is None else policy.why_drop(*ahead)
+        if ahead is None:
+            return None
+        view, yaw_rad = ahead
+        return policy.why_drop(view, yaw_rad, float(np.hypot(*(view.xy_m - [robot.x_m, robot.y_m]))))
 
     def _reconsider(self) -> None:
         if isinstance(self._policy, Reconsidering):

@@ -36,13 +36,18 @@ class TravelTimes:
                     costs[0, k + 1] = max(0.0, costs[0, k + 1] - commitment_s)
         return costs
 
+    @staticmethod
+    def driving_m(cycle: PlanningCycle, stops: list[View]) -> Float[ndarray, " n"]:
+        """The way from the robot to each of the stops, as the grid counts it."""
+        robot = cycle.robot_xy_m
+        metres = [0.0 if np.all(view.xy_m == robot) else cycle.distance_m(view.cell) for view in stops]
+        return np.array(metres, dtype=np.float64)
+
     def times_s(self, cycle: PlanningCycle, stops: list[View]) -> Float[ndarray, "n n"]:
         """Seconds between every two of the robot's pose (row 0) and the stops."""
         robot = cycle.robot_xy_m
         at_robot = np.array([bool(np.all(view.xy_m == robot)) for view in stops])
-        away = np.array(
-            [0.0 if at else cycle.distance_m(view.cell) for view, at in zip(stops, at_robot, strict=True)]
-        )
+        away = self.driving_m(cycle, stops)
         n = len(stops)
         drive = np.zeros((n + 1, n + 1))
         drive[0, 1:] = drive[1:, 0] = away

@@ -13,7 +13,7 @@ from numpy import ndarray
 from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
-from hgs_core.gain.viewpoint import GainEvaluator
+from hgs_core.gain.viewpoint import GainEvaluator, LocatingEvaluator, SurfaceInView
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.plan import Candidate, CandidateStatus
@@ -253,6 +253,20 @@ class ViewScorer:
         ]
         self.elapsed_s += time.perf_counter() - started
         return views
+
+    def new_surface_in_view(self, snapshot: MapSnapshot, views: list[View]) -> list[SurfaceInView]:
+        """Where each view, at its best yaw, would see new surface: nowhere, as far as an evaluator knows that
+        cannot locate it."""
+        if not isinstance(self._evaluator, LocatingEvaluator) or not views:
+            nowhere = SurfaceInView(cubes=np.zeros(0, np.int64), area_m2=np.zeros(0))
+            return [nowhere] * len(views)
+        started = time.perf_counter()
+        positions = np.array([[*view.xy_m, self.camera_height_m] for view in views])
+        located = self._evaluator.new_surface_in_view(
+            snapshot, positions, np.array([view.yaw_rad for view in views])
+        )
+        self.elapsed_s += time.perf_counter() - started
+        return located
 
 
 def wrap_angle(angle_rad: Float[ndarray, "*shape"]) -> Float[ndarray, "*shape"]:

@@ -37,11 +37,12 @@ def directions(grid: PanoramaGrid, row: int, column: int) -> tuple[float, float]
 
 def march_one(
     grid: PanoramaGrid, field: GainField, position_m: ndarray, *, range_m: float, free_path_m: float
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Unseen volume [m^3], unseen voxels and new surface [m^2] of one viewpoint: (n_elevations, n_azimuths)
-    each."""
+) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Unseen volume [m^3], unseen voxels, new surface [m^2] and first unseen voxel of one viewpoint:
+    (n_elevations, n_azimuths) each."""
     size_m = field.size_m
     results = np.zeros((3, grid.n_elevations, grid.n_azimuths))
+    first_unseen = np.full(results.shape[1:], -1)
     solid = grid.azimuth_step_rad * (grid.tan_high - grid.tan_low) / grid.n_elevations
     start = position_m / size_m - field.first_index
     for row in range(grid.n_elevations):
@@ -56,13 +57,15 @@ def march_one(
                     break
                 length = (b - a) * np.linalg.norm(end - start)
                 if unseen:
-                    met = 1.0 - np.exp(-length * size_m / free_path_m)
-                    results[0, row, column] += left * solid * (rho[1] ** 3 - rho[0] ** 3) / 3
+                    volume = solid * (rho[1] ** 3 - rho[0] ** 3) / 3
+                    results[0, row, column] += left * volume
                     results[1, row, column] += left
-                    results[2, row, column] += left * met * solid * rho.mean() ** 2
-                    left *= 1.0 - met
+                    results[2, row, column] += left * volume * unseen / free_path_m
+                    left *= np.exp(-length * size_m * unseen / free_path_m)
+                    if first_unseen[row, column] < 0:
+                        first_unseen[row, column] = np.ravel_multi_index(cell, field.cells.shape[:3])
                 left *= np.exp(-depth * length)
-    return results[0], results[1], results[2] * np.isfinite(free_path_m)
+    return results[0], results[1], results[2], first_unseen
 
 
 def gathered(

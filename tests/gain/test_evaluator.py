@@ -3,6 +3,7 @@ import pytest
 from numpy import ndarray
 
 from hgs_core.errors import PlanningError
+from hgs_core.gain.coverage import surface_by_layer
 from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, ViewGains
 from hgs_core.gaussians.information import accumulate_information
 from hgs_core.geometry.camera import level_camera_pose
@@ -317,3 +318,56 @@ def test_a_share_outside_its_bounds_is_refused() -> None:
 
 def test_the_camera_of_the_tests_is_the_papers() -> None:
     assert CAMERA.horizontal_fov_rad == pytest.approx(np.pi / 2)
+
+
+# ---------------------------------------------------------------- expected surface
+
+
+def room_with_unseen_ceiling() -> VoxelMap:
+    """A closed room whose ceiling, and a layer of space under it, is unobserved beyond x = 5 m."""
+    voxels = closed_room((8.0, 6.4, 2.6))
+    top = voxels.states.shape[2] - 3
+    voxels.states[50:-9, 9:-9, top - 1 :] = VoxelState.UNOBSERVED
+    voxels.note_change()
+    return voxels
+
+
+def test_layers_are_as_full_of_surface_as_what_was_observed_of_them() -> None:
+    """In the layer of the ceiling everything that was seen is occupied; between floor and ceiling only the
+    walls are; of layers that nobody saw nothing is known."""
+    voxels = room_with_unseen_ceiling()
+    fullness = surface_by_layer(voxels, free_path_m=0.8)
+    ceiling, middle = voxels.states.shape[2] - 3, 10
+    n_seen, prior = np.count_nonzero(voxels.states[..., ceiling]), 500
+    assert fullness[ceiling] == pytest.approx((n_seen + prior / 8) / (n_seen + prior) * 8, rel=1e-4)
+    assert fullness[ceiling] > 5 * fullness[middle]
+    assert fullness[0] == pytest.approx(1.0)
+
+
+def test_an_unseen_ceiling_is_worth_much_of_its_area() -> None:
+    """Seen at a slant through a layer of unseen space 0.1 m thick it is no less there; but a ray that has
+    come into its layer is believed to have met it before the layer's end."""
+    voxels = room_with_unseen_ceiling()
+    gains = evaluator(coverage_measure=CoverageMeasure.SURFACE).evaluate(
+        snapshot_of(voxels), np.array([[3.5, 3.2, 1.0]]), observed_share=1.0
+    )
+    ahead = gains.coverage_by_yaw[0, yaw_index(gains, 0.0)]
+    ceiling_m = voxels.states.shape[2] * 0.1 - 0.3
+    first_m = 3.5 + (ceiling_m - 1.0) * 600 / 340  # nearer it is above the image
+    hidden_m2 = (voxels.states.shape[0] * 0.1 - 0.9 - first_m) * (voxels.states.shape[1] * 0.1 - 1.8)
+    assert 0.4 * hidden_m2 < ahead < 1.1 * hidden_m2
+
+
+def test_new_surface_is_located_where_rays_come_into_unseen_space() -> None:
+    voxels, edge = half_unseen_room(), 4
+    scorer = evaluator(coverage_measure=CoverageMeasure.SURFACE)
+    snapshot, position = snapshot_of(voxels), np.array([[1.5, 2.0, 1.2]])
+    gains = scorer.evaluate(snapshot, position, observed_share=1.0)
+    towards, away = scorer.new_surface_in_view(
+        snapshot, np.repeat(position, 2, axis=0), np.array([0.0, -np.pi])
+    )
+    assert towards.area_m2.sum() == pytest.approx(gains.coverage_by_yaw[0, yaw_index(gains, 0.0)], rel=1e-5)
+    x, y, _ = np.unravel_index(towards.cubes, voxels.states.shape)
+    assert set(x.tolist()) == {25 // edge}
+    assert y.min() >= 9 // edge
+    assert len(away.cubes) == 0
