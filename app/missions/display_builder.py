@@ -18,6 +18,13 @@ from app.missions.display import (
     SUBSPACE_STATES,
     DisplayView,
 )
+from app.missions.display_layers import (
+    areas_of,
+    panorama_image,
+    shown_roadmap,
+    shown_voxels,
+    splat_quality,
+)
 from hgs_core.evaluation.colour_maps import colourise_depth, colourise_log
 from hgs_core.gain.viewpoint import GainConfig
 from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, LOGIT_OPACITY, RGB, GaussianMap
@@ -35,6 +42,13 @@ def display_view(view: MissionView, *, max_splats: int, max_image_width: int) ->
     """Everything a viewer draws of `view`, bounded in size; the arrays share nothing with the mission's."""
     centres, rgb, radii, normals, opacities = _splats(view.snapshot.gaussians, max_splats)
     plan = view.plan
+    voxel_centres, voxel_kinds, voxel_size_m = shown_voxels(
+        view.snapshot.voxels, np.array([view.robot.x_m, view.robot.y_m])
+    )
+    insight = view.insight
+    panorama = insight.panorama if insight is not None else None
+    at = insight.view_m if insight is not None and panorama is not None else None
+    region, no_go, no_go_sizes = areas_of(view.directives)
     subspaces = plan.subspaces[:MAX_SUBSPACES] if plan is not None else ()
     candidates = _best(plan.candidates) if plan is not None else ()
     frame = view.frame
@@ -46,6 +60,20 @@ def display_view(view: MissionView, *, max_splats: int, max_image_width: int) ->
         splat_radii_m=radii,
         splat_normals=normals,
         splat_opacities=opacities,
+        splat_quality=splat_quality(
+            view.snapshot.gaussians,
+            _stride(view.snapshot.gaussians, max_splats),
+            GainConfig().prior_information,
+        ),
+        voxel_centres_m=voxel_centres,
+        voxel_kinds=voxel_kinds,
+        voxel_size_m=np.array([voxel_size_m], np.float32),
+        roadmap_m=shown_roadmap(insight.roadmap_m if insight is not None else np.zeros((0, 2, 2))),
+        panorama_m=np.zeros((0, 3), np.float32) if at is None else at[None].astype(np.float32),
+        panorama=panorama_image(panorama),
+        region_m=region,
+        no_go_m=no_go,
+        no_go_sizes=no_go_sizes,
         trajectory_m=_thinned(view.trajectory_m, MAX_TRAJECTORY),
         subspace_bounds_m=_rows([(*space.lower_m, *space.upper_m) for space in subspaces], 6),
         subspace_states=_indices(subspaces),
@@ -81,7 +109,7 @@ def _splats(
     less evenly; its opacity becomes that of k of them behind each other: surfaces stay closed. A stride keeps
     the choice the same from view to view, as rows keep their order.
     """
-    stride = max(1, math.ceil(gaussians.size / limit))
+    stride = _stride(gaussians, limit)
     growth = 1.0 if stride == 1 else GAP_FACTOR * math.sqrt(stride)
     parameters = gaussians.parameters[: gaussians.size : stride]
     transparency = 1.0 / (1.0 + np.exp(parameters[:, LOGIT_OPACITY]))
@@ -93,6 +121,10 @@ def _splats(
         gaussians.normals[: gaussians.size : stride].copy(),
         opacities.astype(np.uint8),
     )
+
+
+def _stride(gaussians: GaussianMap, limit: int) -> int:
+    return max(1, math.ceil(gaussians.size / limit))
 
 
 def _quality(view: MissionView) -> UInt8[ndarray, "h w 3"]:

@@ -68,7 +68,7 @@ class CandidateLayer:
             shares = np.clip(totals / highest, 0.0, 1.0)
             rejected = np.isin(
                 statuses,
-                [CANDIDATE_STATUSES.index("below_threshold"), CANDIDATE_STATUSES.index("unreachable")],
+                [CANDIDATE_STATUSES.index(status) for status in ("below_threshold", "unreachable")],
             )
             sizes = np.where(rejected, _SMALL, _SMALL + (_LARGE - _SMALL) * np.sqrt(shares))
             positions[:n_markers] = poses[:n_markers, :3]

@@ -31,6 +31,10 @@ GLOBAL_TOUR: Final = PURPLE
 LOCAL_PATH: Final = SKY
 CAMERA: Final = YELLOW
 REJECTED: Final = GREY
+VOXEL: Final[dict[str, RGB]] = {"occupied": BLUE, "frontier": YELLOW, "missing": VERMILLION}
+ROADMAP: Final = GREY
+REGION: Final = GREEN
+NO_GO: Final = VERMILLION
 
 
 def as_linear(colours: UInt8[ndarray, "*shape 3"]) -> UInt8[ndarray, "*shape 3"]:

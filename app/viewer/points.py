@@ -8,6 +8,7 @@ import numpy as np
 import viser
 
 from app.missions.display import DisplayView
+from app.viewer.splats import splat_colours
 
 TILE: Final = 20_000
 _FAR_BELOW: Final = (0.0, 0.0, -1000.0)
@@ -27,13 +28,14 @@ class PointLayer:
         self._tiles: list[viser.PointCloudHandle] = []
         self._visible = False
         self.clip_height_m = float("inf")
+        self.shows_quality = False
 
     def update(self, view: DisplayView) -> None:
         if not self._visible:
             return  # costs as much as the splats: only while looked at
         shown = view.splat_centres_m[:, 2] <= self.clip_height_m
         centres = view.splat_centres_m[shown][: self._capacity]
-        colours = view.splat_rgb[shown][: self._capacity]
+        colours = splat_colours(view, shows_quality=self.shows_quality)[shown][: self._capacity]
         n_used = -(-len(centres) // TILE)
         for tile in range(max(n_used, len(self._tiles))):
             rows = slice(tile * TILE, (tile + 1) * TILE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import viser
 
 from app.missions.display import DisplayView
 from app.settings import DisplaySettings
+from app.viewer.areas import AreaLayer
 from app.viewer.camera import CameraLayer
 from app.viewer.candidates import CandidateLayer
 from app.viewer.floor import FloorLayer
@@ -20,11 +22,15 @@ from app.viewer.global_tour import GlobalTourLayer
 from app.viewer.layer import Layer
 from app.viewer.legend import legend_html
 from app.viewer.local_path import LocalPathLayer
+from app.viewer.mesh import MeshLayer
+from app.viewer.panorama import PanoramaPanel
 from app.viewer.points import PointLayer
+from app.viewer.roadmap import RoadmapLayer
 from app.viewer.server import LOOPBACK, open_viser_server
 from app.viewer.splats import SplatLayer
 from app.viewer.subspaces import SubspaceLayer
 from app.viewer.trajectory import TrajectoryLayer
+from app.viewer.voxels import VoxelLayer
 
 log = logging.getLogger(__name__)
 
@@ -32,21 +38,27 @@ log = logging.getLogger(__name__)
 class MissionScene:
     """One viser server and the layers on it. The newest view wins: drawing never holds up a mission."""
 
-    def __init__(self, display: DisplaySettings) -> None:
+    def __init__(self, display: DisplaySettings, mesh_file: Path | None = None) -> None:
+        """`mesh_file`: where the mission leaves its mesh, once it has ended."""
         self._display = display
         self._server = open_viser_server("Scene")
         self._server.scene.world_axes.visible = False
         self._server.scene.set_background_image(np.full((2, 2, 3), (22, 24, 29), np.uint8))
         self._splats = SplatLayer(self._server, capacity=display.max_splats, min_radius_m=display.min_splat_m)
         self._points = PointLayer(self._server, capacity=display.max_splats, point_size_m=display.min_splat_m)
+        self._voxels = VoxelLayer(self._server)
         self._layers: list[Layer] = [
             self._splats,
             self._points,
+            MeshLayer(self._server, mesh_file),
+            self._voxels,
             SubspaceLayer(self._server),
             CandidateLayer(self._server),
             TrajectoryLayer(self._server),
             GlobalTourLayer(self._server),
             LocalPathLayer(self._server),
+            RoadmapLayer(self._server),
+            AreaLayer(self._server),
             CameraLayer(self._server),
             FloorLayer(self._server),
         ]
@@ -109,6 +121,7 @@ class MissionScene:
             for layer in self._layers:
                 layer.update(view)
             self._framing.update(view)
+            self._panorama.update(view)
             self._shown = view
 
     def _build_controls(self) -> None:
@@ -124,6 +137,8 @@ class MissionScene:
                 "Height (m)", min=0.4, max=6.0, step=0.1, initial_value=self._display.clip_height_m
             )
             mode = gui.add_button_group("Camera", tuple(CameraMode))
+            colours = gui.add_button_group("Colours", ("Photo", "Uncertainty"))
+        self._panorama = PanoramaPanel(self._server)
         with gui.add_folder("Legend"):
             gui.add_html(legend_html(self._display.min_splat_m, self._display.max_splats))
         self._clip_at(self._display.clip_height_m)
@@ -132,6 +147,13 @@ class MissionScene:
             with self._drawing:
                 self._clip_at(height.value if hide.value else float("inf"))
 
+        def colour(_: Any) -> None:
+            with self._drawing:
+                for layer in (self._splats, self._points):
+                    layer.shows_quality = colours.value == "Uncertainty"
+                    if self._shown is not None:
+                        layer.update(self._shown)
+
         def choose(_: Any) -> None:
             with self._drawing:
                 self._framing.choose(CameraMode(mode.value))
@@ -139,6 +161,7 @@ class MissionScene:
         hide.on_update(clip)
         height.on_update(clip)
         mode.on_click(choose)
+        colours.on_click(colour)
 
     def _add_switch(self, layer: Layer) -> None:
         switch = self._server.gui.add_checkbox(layer.title, layer.shown_at_first)
@@ -153,7 +176,7 @@ class MissionScene:
         switch.on_update(apply)
 
     def _clip_at(self, height_m: float) -> None:
-        for layer in (self._splats, self._points):
+        for layer in (self._splats, self._points, self._voxels):
             layer.clip_height_m = height_m
             if self._shown is not None:
                 layer.update(self._shown)

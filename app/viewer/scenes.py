@@ -54,7 +54,7 @@ class Scenes:
             scene = self._open.get(mission.id)
             if scene is None:
                 self._make_room()
-                scene = MissionScene(self._display)
+                scene = MissionScene(self._display, mission.results_dir / "mesh.ply")
                 self._open[mission.id] = scene
                 self._lookers[mission.id] = 0
                 newest = mission.view()

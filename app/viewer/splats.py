@@ -10,9 +10,16 @@ from jaxtyping import Float32, UInt8
 from numpy import ndarray
 
 from app.missions.display import DisplayView
+from hgs_core.evaluation.colour_maps import ramp
 
 TILE: Final = 20_000
 """Splats a node. A tile is allocated once it is needed and keeps its size."""
+
+
+def splat_colours(view: DisplayView, *, shows_quality: bool) -> UInt8[ndarray, "n 3"]:
+    """The splats' own colours, or how little is known of them: dark where well known."""
+    return ramp()[view.splat_quality] if shows_quality else view.splat_rgb
+
 
 _EYE: Final = np.eye(3, dtype=np.float32)
 
@@ -34,8 +41,10 @@ class SplatLayer:
         self._tiles: list[viser.GaussianSplatHandle] = []
         self._visible = True
         self.clip_height_m = float("inf")
+        self.shows_quality = False
 
     def update(self, view: DisplayView) -> None:
+        colours = splat_colours(view, shows_quality=self.shows_quality)
         n_splats = min(len(view.splat_centres_m), self._capacity)
         n_used = -(-n_splats // TILE)
         for tile in range(max(n_used, len(self._tiles))):
@@ -43,7 +52,7 @@ class SplatLayer:
             self._fill(
                 tile,
                 view.splat_centres_m[rows],
-                view.splat_rgb[rows],
+                colours[rows],
                 view.splat_radii_m[rows],
                 view.splat_normals[rows],
                 view.splat_opacities[rows],

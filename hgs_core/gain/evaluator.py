@@ -11,7 +11,13 @@ from hgs_core.gain.coverage import coverage_by_yaw, surface_by_layer
 from hgs_core.gain.field import GainField
 from hgs_core.gain.panorama import PanoramaGrid, Panoramas, in_window, march
 from hgs_core.gain.quality import FisherField, RaySample, as_area
-from hgs_core.gain.viewpoint import CoverageMeasure, GainConfig, SurfaceInView, ViewGains
+from hgs_core.gain.viewpoint import (
+    CoverageMeasure,
+    GainConfig,
+    GainPanorama,
+    SurfaceInView,
+    ViewGains,
+)
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
 
@@ -92,6 +98,22 @@ class PanoramaGainEvaluator:
                 SurfaceInView(cubes=found, area_m2=np.bincount(index, weights[seen]).astype(np.float64))
             )
         return in_view
+
+    def panorama(self, snapshot: MapSnapshot, position_m: Float[ndarray, " 3"]) -> GainPanorama:
+        """See `Panoramic`."""
+        positions = position_m[None]
+        seen = self._marched(snapshot, positions)
+        by_surface = self.config.coverage_measure is CoverageMeasure.SURFACE
+        rays = np.zeros((self._sample.grid.n_elevations, self._sample.grid.n_azimuths), np.float32)
+        if self._fisher is not None:
+            self._fisher.gather(snapshot, seen.entered)
+            rays = self._fisher.scores(self._sample, snapshot, positions)[0].sum(axis=-1)
+        return GainPanorama(
+            coverage=(seen.new_surface_m2 if by_surface else seen.unseen_volume_m3)[0],
+            quality=rays,
+            tan_low=self._grid.tan_low,
+            tan_high=self._grid.tan_high,
+        )
 
     def _marched(self, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"]) -> Panoramas:
         field = self._field_over(snapshot)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float, Float32, Float64
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
@@ -94,8 +94,22 @@ class FisherField:
     ) -> Float64[ndarray, "n n_yaws"]:
         """Eq. 9's gain of the camera at each yaw. Everything in reach must have been gathered."""
         grid = sample.grid
+        scores = self.scores(sample, snapshot, positions_m)
+        row_step = (grid.tan_high - grid.tan_low) / grid.n_elevations
+        pixels_of_ray = self._focal_px**2 * grid.azimuth_step_rad * row_step  # on the camera's axis
+        sideways, other = (np.ascontiguousarray(scores[..., part]) for part in range(2))
+        by_yaws: Float64[ndarray, "n n_yaws"] = pixels_of_ray * (
+            by_yaw(sideways, sample.sideways) + by_yaw(other, sample.other)
+        )
+        return by_yaws
+
+    def scores(
+        self, sample: RaySample, snapshot: MapSnapshot, positions_m: Float[ndarray, "n 3"]
+    ) -> Float32[ndarray, "n n_elevations n_azimuths 2"]:
+        """The score of each ray as the middle column of a camera that looks along it: by sideways motion, and
+        by all else. Everything in reach must have been gathered."""
+        grid, gaussians = sample.grid, snapshot.gaussians
         scores = np.zeros((len(positions_m), grid.n_elevations, grid.n_azimuths, 2), np.float32)
-        gaussians = snapshot.gaussians
         self._kernel.score(
             gaussians.parameters[: gaussians.size],
             gaussians.normals[: gaussians.size],
@@ -105,13 +119,7 @@ class FisherField:
             grid.tan_high,
             scores,
         )
-        row_step = (grid.tan_high - grid.tan_low) / grid.n_elevations
-        pixels_of_ray = self._focal_px**2 * grid.azimuth_step_rad * row_step  # on the camera's axis
-        sideways, other = (np.ascontiguousarray(scores[..., part]) for part in range(2))
-        by_yaws: Float64[ndarray, "n n_yaws"] = pixels_of_ray * (
-            by_yaw(sideways, sample.sideways) + by_yaw(other, sample.other)
-        )
-        return by_yaws
+        return scores
 
 
 def as_area(scores: Float64[ndarray, "n n_yaws"], *, gaussians_per_m2: float) -> Float64[ndarray, "n n_yaws"]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int
 from numpy import ndarray
 from pydantic import Field
 
@@ -103,6 +103,29 @@ class SurfaceInView:
     snapshot, rising."""
     area_m2: Float[ndarray, " n"]
     """New surface to be expected behind each."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GainPanorama:
+    """What a camera at one place would gain in each direction: for people, as two images all around.
+
+    Column `k` of either looks along the azimuth `-pi + k d` with `d = 2 pi / n_azimuths`; rows go up with the
+    tangent of the elevation, from `tan_low` to `tan_high`.
+    """
+
+    coverage: Float32[ndarray, "n_rows n_azimuths"]
+    """Unobserved volume in sight of each direction [m^3], or new surface to be expected there [m^2]."""
+    quality: Float32[ndarray, "n_rays n_azimuths"]
+    """Information that each direction would add, in shares of what is known: for comparison only."""
+    tan_low: float
+    tan_high: float
+
+
+@runtime_checkable
+class Panoramic(Protocol):
+    """A `GainEvaluator` that can show what it measures."""
+
+    def panorama(self, snapshot: MapSnapshot, position_m: Float[ndarray, " 3"]) -> GainPanorama: ...
 
 
 @runtime_checkable

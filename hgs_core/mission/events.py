@@ -11,7 +11,8 @@ from jaxtyping import Float32, UInt8
 from numpy import ndarray
 
 from hgs_core.mapping.snapshot import MapSnapshot
-from hgs_core.planning.plan import Plan
+from hgs_core.planning.directives import Directives
+from hgs_core.planning.plan import Insight, Plan
 from hgs_core.robot.robot import RobotState
 from hgs_core.sensing.frame import Frame
 
@@ -201,6 +202,8 @@ class MissionView:
     snapshot: MapSnapshot
     robot: RobotState
     plan: Plan | None
+    insight: Insight | None
+    directives: Directives
     frame: Frame
     trajectory_m: Float32[ndarray, "n 3"]
     rendered_rgb: UInt8[ndarray, "h w 3"]

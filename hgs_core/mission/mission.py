@@ -30,7 +30,7 @@ from hgs_core.mission.pilot import Pilot
 from hgs_core.mission.record import MissionRecord
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.navigator import Navigator
-from hgs_core.planning.plan import Planner
+from hgs_core.planning.plan import Insight, Insightful, Planner
 from hgs_core.robot.robot import Robot
 from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.sensing.sensor import Scanner, Sensor
@@ -290,11 +290,18 @@ class Mission:
             snapshot=self._mapper.snapshot(),
             robot=self._robot.state,
             plan=self._pilot.plan,
+            insight=self._insight(),
+            directives=self._pilot.directives,
             frame=frame,
             trajectory_m=self._trajectory(),
             rendered_rgb=rgb_to_uint8(rendered.colour),
             rendered_depth_m=rendered.depth_m,
         )
+
+    def _insight(self) -> Insight | None:
+        if not isinstance(self._planner, Insightful):
+            return None
+        return self._planner.insight(self._mapper.snapshot(), self._pilot.plan)
 
     def _trajectory(self) -> Float32[ndarray, "n 3"]:
         return np.array([pose.translation for pose in self.record.poses], np.float32).reshape(-1, 3)

@@ -198,6 +198,11 @@ class Pilot:
                 self._robot.advance(duration_s)
 
     @property
+    def directives(self) -> Directives:
+        """What is asked of the mission now."""
+        return self._directives
+
+    @property
     def phase(self) -> MissionPhase:
         """What the mission does when it is not paused."""
         if self._ending is not None:
@@ -295,8 +300,10 @@ class Pilot:
         voxels = self._mapper.voxels
         self.missing_volume_m3 = self._navigator.n_missing(voxels) * voxels.config.size_m**3
         if isinstance(answer, NothingLeft):
-            reason = self._why_nothing_is_left()
-            self._finish(Ending(reason=reason, message=answer.reason, unseen=answer.unseen))
+            reason, message = self._why_nothing_is_left(), answer.reason
+            if reason is StopReason.PATH_BUDGET:
+                message = f"the path budget of {self._directives.max_path_m:g} m lasts no longer: {message}"
+            self._finish(Ending(reason=reason, message=message, unseen=answer.unseen))
             return
         self._note_progress()
         plan = self._within_bounds(answer)

@@ -16,6 +16,8 @@ import time
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from hgs_core.gain.registry import build_evaluator
 from hgs_core.gain.viewpoint import GainEvaluator
@@ -128,6 +130,9 @@ class HierarchicalPlanner(SurveyingPlanner):
             return None
         self._global.views.forget_at(view.xy_m)
         return f"target already seen: only gain {gain:.2f} is left of it"
+
+    def _roadmap_m(self) -> Float[ndarray, "n_edges 2 2"]:
+        return self._global.roadmap.usable_m
 
     def _reconsider(self) -> None:
         self._global.views.forget()

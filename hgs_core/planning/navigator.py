@@ -92,7 +92,8 @@ class Navigator:
         """The way to where the mission began, chosen likewise; None where none is known that ends within
         `AT_GOAL_M` of it."""
         grid = self._grid(snapshot, robot, forbidden=self._zones.forbidden(snapshot.voxels))
-        found = _best_or_shortest(grid, lambda on: _way_back(on, _place(robot), start_m), longest_m)
+        to_start = _way_near if self.stands_in_no_go(*start_m.tolist()) else _way_back
+        found = _best_or_shortest(grid, lambda on: to_start(on, _place(robot), start_m), longest_m)
         return None if found is None else self._along(grid, found, robot)
 
     def way_out(self, snapshot: MapSnapshot, robot: RobotState) -> Path | None:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from hgs_core.gain.viewpoint import GainPanorama
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.directives import Directives
@@ -31,10 +32,10 @@ class CandidateStatus(StrEnum):
     SELECTED = "selected"
     BELOW_THRESHOLD = "below_threshold"
     UNREACHABLE = "unreachable"
-    OUTRANKED = "outranked"
-    """Worth a stop, but others come first."""
     CROSSING = "crossing"
     """A crossing of the global path with the horizon: stays whatever its gain."""
+    OUTRANKED = "outranked"
+    """Worth a stop, but others come first."""
 
 
 class UnseenReason(StrEnum):
@@ -196,6 +197,25 @@ class NothingLeft:
     subspaces: tuple[Subspace, ...]
     times: PlanningTimes
     reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Insight:
+    """What a planner can show of its work, for people alone."""
+
+    view_m: Float[ndarray, " 3"] | None
+    """Where the plan looks from next; None when it looks at nothing."""
+    panorama: GainPanorama | None
+    """What would be gained there in each direction, on the newest maps; None where its gain shows none."""
+    roadmap_m: Float[ndarray, "n_edges 2 2"]
+    """Both ends of the roadmap's edges that can be driven; none of a planner without one."""
+
+
+@runtime_checkable
+class Insightful(Protocol):
+    """A planner that shows its work."""
+
+    def insight(self, snapshot: MapSnapshot, plan: Plan | None) -> Insight: ...
 
 
 @runtime_checkable

@@ -67,6 +67,11 @@ class Roadmap:
         self._checked_on: NavigationGrid | None = None
         """The grid that usability and costs of the edges hold for."""
 
+    @property
+    def usable_m(self) -> Float[ndarray, "m 2 2"]:
+        """Both ends of every edge that can be driven, as far as has been checked."""
+        return self.nodes_m[self.edges[: len(self._usable)][self._usable]]
+
     def grow(self, grid: NavigationGrid, reach: ReachField, rng: np.random.Generator) -> None:
         """Add the robot's place and random reachable places around it; check all edges against `grid`."""
         robot = reach.origin_m

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from hgs_core.errors import PlanningError
-from hgs_core.gain.viewpoint import GainEvaluator
+from hgs_core.gain.viewpoint import GainEvaluator, GainPanorama, Panoramic
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
@@ -61,6 +61,7 @@ class Survey:
     ) -> None:
         self.config = config
         self.context = context
+        self._evaluator = evaluator
         self.memory = ViewMemory(config.memory)
         self.scorer = ViewScorer(evaluator, self.memory, context.camera_height_m)
         region = context.region
@@ -172,6 +173,12 @@ class Survey:
         share = self.observed_share(snapshot, robot)
         (view,) = self.scorer.score(self._focused(snapshot), place[None], [-1], share)
         return view, yaw
+
+    def panorama(self, snapshot: MapSnapshot, position_m: Float[ndarray, " 3"]) -> GainPanorama | None:
+        """What would be gained at a place in each direction, where the gain in use can show it."""
+        if not isinstance(self._evaluator, Panoramic) or not snapshot.voxels.states.size:
+            return None
+        return self._evaluator.panorama(self._focused(snapshot), position_m)
 
     def why_blocked(
         self, snapshot: MapSnapshot, robot: RobotState, path: Path, waypoints_passed: int

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.directives import Directives
-from hgs_core.planning.plan import Plan, UnseenRegion
+from hgs_core.planning.plan import Insight, Plan, UnseenRegion
 from hgs_core.planning.survey import Survey
 from hgs_core.robot.robot import RobotState
 
@@ -37,6 +38,19 @@ class SurveyingPlanner:
         if not snapshot.voxels.states.size:
             return ()
         return self._survey.unseen(self._survey.cycle(snapshot, robot))
+
+    def insight(self, snapshot: MapSnapshot, plan: Plan | None) -> Insight:
+        """See `Insightful`."""
+        view_m, panorama = None, None
+        if plan is not None:
+            at = np.flatnonzero(np.isfinite(plan.path.yaws_rad))
+            if len(at):
+                view_m = np.append(plan.path.positions_m[at[0]], self._survey.context.camera_height_m)
+                panorama = self._survey.panorama(snapshot, view_m)
+        return Insight(view_m=view_m, panorama=panorama, roadmap_m=self._roadmap_m())
+
+    def _roadmap_m(self) -> Float[ndarray, "n_edges 2 2"]:
+        return np.zeros((0, 2, 2))
 
     def _reconsider(self) -> None:
         """Forget what was concluded under other wishes."""

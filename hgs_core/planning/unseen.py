@@ -20,7 +20,7 @@ OPENING_VOXELS = 100
 """Free voxels on the region's border in smaller clusters are not openings: 1 m^2 at 0.1 m."""
 
 
-Lost = tuple[UnseenReason, Float[ndarray, "n 2"]]
+Lost = tuple[UnseenReason, Float[ndarray, "_ 2"]]
 """Places where the robot could stand if the operator did not ask for something, and the reason to give."""
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from hgs_core.errors import SceneError
+from hgs_core.gain.viewpoint import GainPanorama
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
@@ -39,6 +40,7 @@ from hgs_core.planning.directives import Directives
 from hgs_core.planning.plan import (
     Candidate,
     CandidateStatus,
+    Insight,
     Plan,
     PlanningTimes,
     Subspace,
@@ -409,6 +411,8 @@ def _view(
         ),
         robot=robot,
         plan=plan,
+        insight=_insight(plan),
+        directives=Directives(),
         frame=Frame(
             rgb=rgb,
             depth_m=depth,
@@ -420,6 +424,22 @@ def _view(
         trajectory_m=np.stack(trajectory),
         rendered_rgb=np.ascontiguousarray(rgb[::2, ::2]),
         rendered_depth_m=np.ascontiguousarray(depth[::2, ::2]),
+    )
+
+
+def _insight(plan: Plan) -> Insight:
+    """A gain that is greatest ahead, and a roadmap along the way."""
+    ahead = np.cos(np.linspace(-np.pi, np.pi, 60)) + 1.0
+    way = np.stack([plan.path.positions_m[:-1], plan.path.positions_m[1:]], axis=1)
+    return Insight(
+        view_m=np.array([*plan.path.positions_m[1], 1.0]),
+        panorama=GainPanorama(
+            coverage=np.tile(ahead, (16, 1)).astype(np.float32),
+            quality=np.tile(ahead[::-1], (6, 1)).astype(np.float32),
+            tan_low=-0.5,
+            tan_high=0.5,
+        ),
+        roadmap_m=way,
     )
 
 

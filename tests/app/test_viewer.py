@@ -14,15 +14,28 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from app.errors import Forbidden
-from app.missions.display import MAX_CANDIDATES, MAX_SUBSPACES, DisplayView
+from app.missions.display import (
+    MAX_CANDIDATES,
+    MAX_EDGES,
+    MAX_SUBSPACES,
+    MAX_VOXELS,
+    PANORAMA_PX,
+    DisplayView,
+)
 from app.settings import DisplaySettings
+from app.viewer.areas import hatches
 from app.viewer.framing import CameraMode
+from app.viewer.mesh import MAX_TRIANGLES, coarse
 from app.viewer.palette import as_linear
 from app.viewer.polyline import padded_segments
 from app.viewer.scene import MissionScene
 from app.viewer.server import proof_headers
 from app.viewer.splats import TILE
 from app.viewer.subspaces import lowest_of_each_column
+from hgs_core.evaluation.colour_maps import ramp
+from hgs_core.geometry.polygons import contains, distance_m
+from hgs_core.mapping.mesh_file import write_mesh
+from hgs_core.mapping.volume_fusion import SurfaceMesh
 from tests.app.conftest import wait_until
 
 
@@ -40,6 +53,16 @@ def display(n_splats: int = 100, n_candidates: int = 3, time_s: float = 1.0) -> 
         splat_radii_m=np.full(n_splats, 0.004, np.float32),
         splat_normals=np.zeros((n_splats, 0), np.float32),
         splat_opacities=np.full(n_splats, 200, np.uint8),
+        splat_quality=np.linspace(0, 255, n_splats).astype(np.uint8),
+        voxel_centres_m=rng.uniform([0, 0, 0], [8, 5, 3], (3 * n_candidates, 3)).astype(np.float32),
+        voxel_kinds=np.tile(np.arange(3, dtype=np.uint8), n_candidates),
+        voxel_size_m=np.array([0.1], np.float32),
+        roadmap_m=rng.uniform(0, 5, (n_candidates, 2, 2)).astype(np.float32),
+        panorama_m=np.array([[1.0, 2.0, 1.0]], np.float32)[: n_candidates or 0],
+        panorama=np.full((*PANORAMA_PX, 3), 90, np.uint8),
+        region_m=np.array([[0, 0], [4, 0], [4, 4], [0, 4]], np.float32),
+        no_go_m=np.array([[1, 1], [2, 1], [2, 2], [5, 5], [6, 5], [5, 6]], np.float32),
+        no_go_sizes=np.array([3, 3], np.uint8),
         trajectory_m=rng.uniform(0, 5, (7, 3)).astype(np.float32),
         subspace_bounds_m=np.array([[0, 0, 0, 4, 4, 3], [4, 0, 0, 8, 4, 3]], np.float32),
         subspace_states=np.array([0, 1], np.uint8),
@@ -197,7 +220,7 @@ def test_one_batched_node_a_layer_of_fixed_size(scene):
         assert marks.batched_positions.shape == (MAX_CANDIDATES, 3)
         assert (marks.batched_opacities > 0).sum() == count
         assert node(scene, "/subspaces/outlines").points.shape == (4 * MAX_SUBSPACES, 2, 3)
-    assert len(nodes(scene)) < 25
+    assert len(nodes(scene)) < 30
 
 
 def test_views_that_come_too_fast_are_skipped_and_the_newest_is_shown(scene):
@@ -217,6 +240,85 @@ def test_switches_hide_and_show_layers(scene):
     scene._layers[1].set_visible(True)
     scene._layers[1].update(display(10))
     assert node(scene, "/points/0").points.shape == (TILE, 3)
+
+
+def layer(scene: MissionScene, title: str):
+    return next(layer for layer in scene._layers if layer.title == title)
+
+
+def test_voxels_travel_only_while_they_are_looked_at_and_end_at_the_clipping_height(scene):
+    boxes, view = layer(scene, "Voxels"), display(10, n_candidates=40)
+    scene._draw(view)
+    assert not node(scene, "/voxels").batched_opacities.any()
+    boxes.set_visible(True)
+    scene._draw(view)
+    below = view.voxel_centres_m[:, 2] <= 2.2
+    assert node(scene, "/voxels").batched_positions.shape == (MAX_VOXELS, 3)
+    assert (node(scene, "/voxels").batched_opacities > 0).sum() == below.sum() < 120
+    assert node(scene, "/voxels").visible
+
+
+def test_the_roadmap_has_one_node_of_fixed_size(scene):
+    for n_edges in (7, 0):
+        scene._draw(display(10, n_candidates=n_edges))
+        points = node(scene, "/roadmap").points
+        assert points.shape == (MAX_EDGES, 2, 3)
+        assert np.any(points[:, 0] != points[:, 1], axis=1).sum() == n_edges
+
+
+def test_areas_are_outlined_and_hatched_inside(scene):
+    view = display(10)
+    scene._draw(view)
+    points = node(scene, "/areas").points
+    drawn = points[np.any(points[:, 0] != points[:, 1], axis=1)]
+    assert len(drawn) > 4 + 3 + 3
+    triangle = view.no_go_m[3:]
+    lines = hatches(triangle)
+    assert len(lines) >= 2
+    assert contains(triangle, lines.mean(axis=1)).all()
+    assert distance_m(triangle, lines.reshape(-1, 2)).max() < 1e-5
+    scene._draw(replace(view, region_m=np.zeros((0, 2), np.float32), no_go_sizes=np.zeros(0, np.uint8)))
+    assert not np.any(node(scene, "/areas").points[:, 0] != node(scene, "/areas").points[:, 1])
+
+
+def test_colours_tell_how_little_is_known(scene):
+    view = display(100)
+    scene._draw(view)
+    scene._splats.shows_quality = True
+    scene._draw(view)
+    drawn = node(scene, "/gaussians/0").rgbs[:100]
+    np.testing.assert_array_equal(drawn, ramp()[view.splat_quality])
+
+
+def test_the_panorama_of_the_next_view_is_shown_while_there_is_one(scene):
+    scene._draw(display(10))
+    assert scene._panorama._mark.visible
+    assert "From (1.0, 2.0)" in scene._panorama._text.content
+    scene._draw(display(10, n_candidates=0))
+    assert not scene._panorama._mark.visible
+
+
+def test_a_mesh_is_drawn_as_coarse_as_is_needed(tmp_path):
+    n = 600
+    x, y = np.meshgrid(np.linspace(0, 8, n), np.linspace(0, 8, n), indexing="ij")
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(n * n)], axis=1).astype(np.float32)
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    triangles = np.concatenate(
+        [np.stack([corner, corner + n, corner + 1], 1), np.stack([corner + 1, corner + n, corner + n + 1], 1)]
+    ).astype(np.int32)
+    rgb = np.full((n * n, 3), 200, np.uint8)
+    assert len(triangles) > MAX_TRIANGLES
+    few, shown, colours = coarse(vertices, triangles, rgb)
+    assert len(shown) <= MAX_TRIANGLES
+    assert shown.max() < len(few) == len(colours)
+    np.testing.assert_allclose(few.min(axis=0), [0, 0, 0], atol=0.05)
+    np.testing.assert_allclose(few.max(axis=0), [8, 8, 0], atol=0.05)
+    write_mesh(SurfaceMesh(vertices_m=few, triangles=shown, rgb=colours), tmp_path / "mesh.ply")
+    scene = MissionScene(DisplaySettings(interval_s=0.05), tmp_path / "mesh.ply")
+    assert "/mesh" not in nodes(scene)
+    layer(scene, "Mesh (finished missions)").set_visible(True)
+    assert "/mesh" in nodes(scene)
+    scene.close()
 
 
 def test_fresh_cameras_look_down_on_the_middle_of_the_map(scene):
