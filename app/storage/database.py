@@ -27,7 +27,7 @@ from hgs_core.errors import ConfigError
 
 log = logging.getLogger(__name__)
 
-_MIGRATIONS: Final = Path(__file__).parent / "migrations"
+MIGRATIONS: Final = Path(__file__).parent / "migrations"
 _BUSY_MS: Final = 10_000
 _CLAIM_S: Final = 3.0
 """How long to wait for the lock of a service that has just ended: its server notices a little later [s]."""
@@ -85,7 +85,7 @@ class Database:
             self._claim_it()
             with self._engine.begin() as connection:
                 config = Config()
-                config.set_main_option("script_location", str(_MIGRATIONS))
+                config.set_main_option("script_location", str(MIGRATIONS))
                 config.attributes["connection"] = connection
                 command.upgrade(config, "head")
         except CommandError as error:

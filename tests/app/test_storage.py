@@ -4,7 +4,9 @@ import sqlite3
 import threading
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.migration import MigrationContext
 from sqlalchemy import text
 from sqlmodel import SQLModel
@@ -13,8 +15,9 @@ from app.errors import Conflict
 from app.missions.states import MissionState
 from app.storage.audit import AuditStore
 from app.storage.data_dir import DataDirLock, write_whole
-from app.storage.database import Database, StorageError
+from app.storage.database import MIGRATIONS, Database, StorageError
 from app.storage.logins import LoginStore
+from app.storage.missions import MissionStore
 from app.storage.presets import PresetStore
 from app.storage.tables import AuditRecord, LoginRow, PresetRecord
 from hgs_core.errors import ConfigError
@@ -26,6 +29,35 @@ def test_the_migrations_lead_to_the_tables_as_the_code_knows_them(database):
     with database.engine.connect() as connection:
         differences = compare_metadata(MigrationContext.configure(connection), SQLModel.metadata)
     assert differences == []
+
+
+def test_a_database_of_the_first_version_keeps_its_missions_and_their_events(database_url):
+    database = Database(database_url)
+    with database.engine.begin() as connection:
+        config = Config()
+        config.set_main_option("script_location", str(MIGRATIONS))
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+        columns = {
+            **dict.fromkeys(("scene", "scene_source", "preset", "preset_source", "created_by"), "'x'"),
+            "id": "'m'",
+            "state": "'completed'",
+            "reason": "'seen'",
+            "overrides": "'{}'",
+            "seed": "0",
+            "created_at": "1.5",
+            "view_sequence": "0",
+        }
+        names, values = ", ".join(columns), ", ".join(columns.values())
+        connection.execute(text(f"INSERT INTO mission ({names}) VALUES ({values})"))
+        connection.execute(
+            text("INSERT INTO event (mission_id, sequence, kind, content) VALUES ('m', 1, 'state', '{}')")
+        )
+    database.open()
+    store = MissionStore(database)
+    assert store.find("m").reason == "seen"
+    assert store.last_sequence("m") == 1
+    database.close()
 
 
 def test_opening_again_changes_nothing(database_url):
