@@ -33,7 +33,7 @@ class RealMissions:
         self.service = service
         self.api = httpx.Client(base_url=f"{service.url}api/v1", timeout=60)
         self.ended = self._begin(seed=0, max_time_s=8)
-        assert service.missions.get(self.ended).join(PATIENCE_MS / 1000)
+        assert service.missions.get(self.ended).join(2 * PATIENCE_MS / 1000)
         self.running = self._begin(seed=1)
 
     def _begin(self, **wish) -> str:

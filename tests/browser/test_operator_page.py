@@ -107,7 +107,7 @@ def test_the_keyboard_is_enough(live, open_page):
     expect(page.locator("#tab-orders")).to_be_focused()
     expect(page.locator("#panel-orders")).to_be_visible()
     # Keys belong to the scene while it has the focus, but STOP is heard there, too.
-    page.frame_locator("#scene-view").locator("canvas").first.click()
+    page.locator("#scene-view").click(position={"x": 60, "y": 300})
     page.keyboard.press("Shift+S")
     wait_for_state(page, "aborted")
 
