@@ -20,6 +20,7 @@ from hgs_core.mission.mission import Mission
 from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.registry import build_planner
 from hgs_core.planning.survey import PlannerContext
+from hgs_core.robot.vehicle import vehicle_of
 from hgs_core.scene.scene import Scene, open_scene
 from hgs_core.simulation.world import SimulatedWorld
 
@@ -96,6 +97,7 @@ def build_mission(
         observer = curve = CurveRecorder.of(scene, config, mapper=mapper, clock=clock, observer=observer)
     mission = Mission(
         robot=world.robot,
+        vehicle=vehicle_of(config.robot),
         sensor=world.camera,
         scanner=world.scanner,
         mapper=mapper,

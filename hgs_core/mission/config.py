@@ -20,7 +20,9 @@ from hgs_core.mission.clock import ClockKind
 from hgs_core.planning.config import HierarchicalConfig, PlannerConfig
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.registry import planner_config, planner_methods
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.vehicle import robot_config
 from hgs_core.scene.options import SceneOptions
 from hgs_core.sensing.depth_camera import DepthCameraConfig
 from hgs_core.sensing.scanner import ScannerConfig
@@ -59,7 +61,8 @@ class MissionConfig(StrictConfig):
     scene: SceneOptions = SceneOptions()
     """How a mesh is placed in the world, where that is not to be found."""
     sensor: SensorConfig = SensorConfig()
-    robot: RobotConfig = RobotConfig()
+    robot: SerializeAsAny[RobotConfig] = DifferentialConfig()
+    """The body and how it drives: the settings of one of the vehicles."""
     voxels: VoxelConfig = VoxelConfig()
     mapping: MappingConfig = MappingConfig()
     refinement: RefinementConfig = RefinementConfig()
@@ -114,9 +117,11 @@ def changed(content: dict[str, Any], overrides: dict[str, str], *, source: str) 
 def _mission_config_from(content: dict[str, Any], *, source: str) -> MissionConfig:
     try:
         content = dict(content)
-        planner, sensor = content.get("planner"), content.get("sensor")
+        planner, sensor, robot = (content.get(key) for key in ("planner", "sensor", "robot"))
         if isinstance(planner, dict):
             content["planner"] = _plugin_config(planner_config, planner, source, "planner")
+        if isinstance(robot, dict):
+            content["robot"] = _plugin_config(robot_config, robot, source, "robot")
         if isinstance(sensor, dict) and isinstance(sensor.get("camera"), dict):
             camera = _plugin_config(sensor_config, sensor["camera"], source, "sensor", "camera")
             content["sensor"] = {**sensor, "camera": camera}

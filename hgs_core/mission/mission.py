@@ -32,6 +32,7 @@ from hgs_core.planning.directives import Directives
 from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.plan import Insight, Insightful, Planner
 from hgs_core.robot.robot import Robot
+from hgs_core.robot.vehicle import Vehicle
 from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.sensing.sensor import Scanner, Sensor
 
@@ -50,6 +51,7 @@ class Mission:
         self,
         *,
         robot: Robot,
+        vehicle: Vehicle,
         sensor: Sensor,
         scanner: Scanner,
         mapper: Mapper,
@@ -77,6 +79,7 @@ class Mission:
         self._operator = Operator(commands)
         self._pilot = Pilot(
             robot=robot,
+            vehicle=vehicle,
             mapper=mapper,
             planner=planner,
             planner_rng=planner_rng,

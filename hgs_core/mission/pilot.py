@@ -45,6 +45,7 @@ from hgs_core.planning.plan import (
 )
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import Robot
+from hgs_core.robot.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +73,7 @@ class Detour:
     """It leads out of a no-go area: these do not block it."""
 
     def state(self) -> dict[str, Any]:
-        path = {"positions_m": self.path.positions_m, "yaws_rad": self.path.yaws_rad}
-        return {"path": path, "done": self.done, "leaving": self.leaving}
+        return {"path": self.path.state(), "done": self.done, "leaving": self.leaving}
 
     @staticmethod
     def restore(state: dict[str, Any]) -> Detour:
@@ -87,6 +87,7 @@ class Pilot:
         self,
         *,
         robot: Robot,
+        vehicle: Vehicle,
         mapper: Mapper,
         planner: Planner,
         planner_rng: np.random.Generator,
@@ -104,6 +105,7 @@ class Pilot:
         """Where it is worth seeing, when the newest plan was made."""
         self.ended: Ending | None = None
         self._robot = robot
+        self._vehicle = vehicle
         self._mapper = mapper
         self._planner = planner
         self._planner_rng = planner_rng
@@ -127,14 +129,11 @@ class Pilot:
         self._halted = False
 
     def begin(self) -> None:
-        """A full turn on the spot: a level camera knows nothing of what is behind it."""
+        """Look around, as far as the vehicle can without knowing anything."""
         if self._directives != Directives():
             self._keep_to(self._directives)
             self.obey(self._directives)
-        state = self._robot.state
-        turns = state.yaw_rad + np.radians([120.0, 240.0, 360.0])
-        here = np.tile([state.x_m, state.y_m], (len(turns), 1))
-        self._follow(Path(positions_m=here, yaws_rad=turns))
+        self._follow(self._vehicle.first_look(self._robot.state))
 
     def obey(self, directives: Directives) -> None:
         """Take these as what is asked of the mission from now on, and say what of it cannot be kept."""
@@ -270,6 +269,7 @@ class Pilot:
         if reason is None:
             return
         self._robot.stop()
+        self.live_through(self._robot.standing_in_s)
         self._why_replan = self._detour = None
         if self._ending is not None:
             self._drive_back(self._ending)
@@ -347,8 +347,9 @@ class Pilot:
 
     def _redirected(self, plan: Plan, way: Path, yaw_rad: float) -> Plan:
         """The plan with another way to another first view, which the planner is told of."""
-        path = Path(positions_m=way.positions_m, yaws_rad=way.yaws_rad.copy())
-        path.yaws_rad[-1] = yaw_rad
+        yaws = way.yaws_rad.copy()
+        yaws[-1] = yaw_rad if way.headings_rad is None else way.headings_rad[-1]
+        path = replace(way, yaws_rad=yaws)
         redirected = replace(plan, path=path, local_path_m=on_floor(path.positions_m))
         self._planner.adopt(self._mapper.snapshot(), self._robot.state, redirected)
         return redirected

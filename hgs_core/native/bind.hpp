@@ -9,3 +9,4 @@ void bind_gain(nanobind::module_& m);
 void bind_grid_search(nanobind::module_& m);
 void bind_shading(nanobind::module_& m);
 void bind_fusion(nanobind::module_& m);
+void bind_car(nanobind::module_& m);

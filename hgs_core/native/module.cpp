@@ -11,4 +11,5 @@ NB_MODULE(kernels, m) {
   bind_grid_search(m);
   bind_shading(m);
   bind_fusion(m);
+  bind_car(m);
 }

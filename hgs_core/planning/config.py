@@ -8,6 +8,7 @@ from pydantic import Field
 
 from hgs_core.config.base import StrictConfig
 from hgs_core.gain.viewpoint import GainConfig
+from hgs_core.planning.car_ways import KinodynamicConfig
 from hgs_core.planning.global_planner import GlobalConfig
 from hgs_core.planning.local_planner import LocalConfig
 from hgs_core.planning.navigation_grid import NavigationConfig
@@ -28,6 +29,7 @@ class PlannerConfig(StrictConfig):
     """While driving, the next view's gain is looked at again this often [s of mission time]."""
     gain: GainConfig = GainConfig()
     navigation: NavigationConfig = NavigationConfig()
+    kinodynamic: KinodynamicConfig = KinodynamicConfig()
     subspaces: SubspaceConfig = SubspaceConfig()
     memory: ViewMemoryConfig = ViewMemoryConfig()
 

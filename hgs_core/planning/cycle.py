@@ -13,6 +13,7 @@ from hgs_core.gain.viewpoint import SurfaceInView
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
+from hgs_core.planning.car_ways import CarWays
 from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import ReachField
 from hgs_core.planning.subspaces import MissingColumns, SubspacePartition
@@ -42,10 +43,17 @@ class PlanningCycle:
     observed_share: float
     preferred_clearance_m: float
     scorer: ViewScorer
+    car: CarWays | None = None
+    """Where the robot is a car: how it gets about."""
 
     @property
     def robot_xy_m(self) -> Float[ndarray, " 2"]:
         return np.array([self.robot.x_m, self.robot.y_m])
+
+    @property
+    def robot_pose(self) -> Float[ndarray, " 3"]:
+        """x [m], y [m], yaw [rad]."""
+        return np.array([self.robot.x_m, self.robot.y_m, self.robot.yaw_rad])
 
     def score(self, cells: Int[ndarray, " n"], *, coverage_only: bool = False) -> list[View]:
         """Views at cell centres; see `GainEvaluator.evaluate`."""

@@ -2,16 +2,66 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from hgs_core.planning.car_ways import CarWays
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.path_search import path_from_robot, shortest_path
 from hgs_core.planning.views import View
 from hgs_core.robot.path import Path
 
 SAME_PLACE_M = 1e-6
+CAR_LEGS = 3
+"""So many views a car's path leads to: each brings a new plan, and a leg takes milliseconds to find."""
+CAR_TRIES = 4
+"""So often a planner is asked again when a car finds a way to none of the views that it wants."""
+NO_WAY = "a car finds no way to any view worth a stop"
+CAR_YAWS_APART_RAD = np.radians(15.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Route:
+    """A path and the views on it, in order."""
+
+    path: Path
+    views: list[View]
+
+
+def car_route(cycle: PlanningCycle, car: CarWays, views: list[View]) -> Route:
+    """The way of a car to the first of the views that it finds one to, and on to the next few.
+
+    Without a view: no way was found to any.
+    """
+    pose = cycle.robot_pose
+    legs: list[Path] = []
+    driven: list[View] = []
+    for view in views:
+        way = car.way(pose, view.xy_m, view.good_yaws(CAR_YAWS_APART_RAD))
+        if way is None and driven:
+            break
+        if way is None:
+            continue
+        legs.append(way)
+        driven.append(view)
+        pose = np.array([*way.positions_m[-1], way.yaws_rad[-1]])
+        if len(driven) == CAR_LEGS:
+            break
+    return Route(path=_joined(legs), views=driven)
+
+
+def _joined(legs: list[Path]) -> Path:
+    if not legs:
+        return Path.empty()
+    parts = [legs[0], *(leg.without_first() for leg in legs[1:])]
+    return Path(
+        positions_m=np.concatenate([part.positions_m for part in parts]),
+        yaws_rad=np.concatenate([part.yaws_rad for part in parts]),
+        headings_rad=np.concatenate([part.headings_rad for part in parts if part.headings_rad is not None]),
+    )
 
 
 def join_views(cycle: PlanningCycle, views: list[View]) -> Path:

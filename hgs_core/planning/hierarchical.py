@@ -24,7 +24,14 @@ from hgs_core.gain.viewpoint import GainEvaluator
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.cycle import PlanningCycle
-from hgs_core.planning.executable_path import first_exit, join_views
+from hgs_core.planning.executable_path import (
+    CAR_LEGS,
+    CAR_TRIES,
+    Route,
+    car_route,
+    first_exit,
+    join_views,
+)
 from hgs_core.planning.global_planner import GlobalPlanner, GlobalTour
 from hgs_core.planning.local_planner import LocalPlanner, LocalViews
 from hgs_core.planning.plan import (
@@ -71,6 +78,55 @@ class HierarchicalPlanner(SurveyingPlanner):
         cycle = self._survey.cycle(snapshot, robot)
         self._survey.remember_views_taken(cycle)
         self._global.roadmap.grow(cycle.grid, cycle.reach, rng)
+        tour, local, route, global_s = self._routed(cycle, rng, began)
+        path = route.path
+        local_s = time.perf_counter() - began - global_s - self._scorer.elapsed_s
+        times = PlanningTimes(
+            viewpoint_evaluation_s=self._scorer.elapsed_s, local_s=local_s, global_s=global_s
+        )
+        if not route.views:
+            self._pursuit.drop()
+            return self._nothing_left(cycle, tour, local, times)
+        yaws = path.yaws_rad[np.isfinite(path.yaws_rad)]
+        gains = [view.undiscounted_gain_at(float(yaw)) for view, yaw in zip(route.views, yaws, strict=True)]
+        self._pursuit.follow(path, np.array(gains), cycle.grid, robot.timestamp_s)
+        return Plan(
+            path=path,
+            candidates=self._candidates(tour, local),
+            subspaces=self._partition.listing(),
+            global_tour_m=on_floor(np.concatenate([cycle.robot_xy_m[None], tour.polyline_m])),
+            local_path_m=on_floor(path.positions_m),
+            horizon=cycle.horizon,
+            observed_share=cycle.observed_share,
+            reason=self._explain(cycle, tour, local, path),
+            times=times,
+            coverage_unit=self.config.gain.coverage_unit,
+        )
+
+    def _routed(
+        self, cycle: PlanningCycle, rng: np.random.Generator, began: float
+    ) -> tuple[GlobalTour, LocalViews, Route, float]:
+        """Both levels' answers, the way that joins them, and the global level's wall seconds.
+
+        Where a car finds a way to none of the views, both are asked again, and believe less in those.
+        """
+        tour, local, global_s = self._chosen(cycle, rng, began)
+        if cycle.car is None:
+            stops = [*local.tour, *tour.goals[:1]]
+            return tour, local, Route(path=self._path(cycle, tour, stops), views=stops), global_s
+        for _ in range(CAR_TRIES):
+            stops = [*local.tour, *tour.goals[:CAR_LEGS]]
+            route = car_route(cycle, cycle.car, stops)
+            if route.views or not stops:
+                return tour, local, route, global_s
+            self._survey.remember_no_way(stops)
+            tour, local, _ = self._chosen(cycle, rng, began)
+        return tour, local, Route(path=Path.empty(), views=[]), global_s
+
+    def _chosen(
+        self, cycle: PlanningCycle, rng: np.random.Generator, began: float
+    ) -> tuple[GlobalTour, LocalViews, float]:
+        """The global tour, the local views, and the seconds that the former took."""
         tour = self._global.tour(cycle, rng, whole_map=False)
         global_s = time.perf_counter() - began - self._scorer.elapsed_s
 
@@ -88,30 +144,7 @@ class HierarchicalPlanner(SurveyingPlanner):
             tour = self._merged(tour, again)
             ordered = self._local.order(cycle, tour.open.in_horizon, None, None)
             local = LocalViews(tour=ordered, rejected=local.rejected, crossing=None)
-        stops = [*local.tour, *tour.goals[:1]]
-        path = self._path(cycle, tour, stops)
-        local_s = time.perf_counter() - began - global_s - self._scorer.elapsed_s
-        times = PlanningTimes(
-            viewpoint_evaluation_s=self._scorer.elapsed_s, local_s=local_s, global_s=global_s
-        )
-        if not stops:
-            self._pursuit.drop()
-            return self._nothing_left(cycle, tour, local, times)
-        yaws = path.yaws_rad[np.isfinite(path.yaws_rad)]
-        gains = [view.undiscounted_gain_at(float(yaw)) for view, yaw in zip(stops, yaws, strict=True)]
-        self._pursuit.follow(path, np.array(gains), cycle.grid, robot.timestamp_s)
-        return Plan(
-            path=path,
-            candidates=self._candidates(tour, local),
-            subspaces=self._partition.listing(),
-            global_tour_m=on_floor(np.concatenate([cycle.robot_xy_m[None], tour.polyline_m])),
-            local_path_m=on_floor(path.positions_m),
-            horizon=cycle.horizon,
-            observed_share=cycle.observed_share,
-            reason=self._explain(cycle, tour, local, path),
-            times=times,
-            coverage_unit=self.config.gain.coverage_unit,
-        )
+        return tour, local, global_s
 
     def should_replan(
         self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int

@@ -15,6 +15,7 @@ from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
+from hgs_core.robot.ackermann import AckermannConfig
 from hgs_core.robot.robot import RobotConfig, RobotState
 
 _LOGIT_SOLID: Final = float(np.log(0.2 / 0.8))
@@ -60,15 +61,12 @@ class TouchMemory:
         self.points_m: Float[ndarray, "n 2"] = np.zeros((0, 2))
         self._contacts = 0
 
-    def notice(self, robot: RobotState, radius_m: float) -> None:
-        """Mark an arc ahead of the robot for every new contact that its state counts."""
+    def notice(self, robot: RobotState, config: RobotConfig) -> None:
+        """For every new contact that its state counts, mark an arc ahead of the robot; of a car, the edge of
+        its body that was ahead."""
         if robot.collisions > self._contacts:
-            bearings = robot.yaw_rad + np.linspace(-_TOUCH_HALF_ANGLE_RAD, _TOUCH_HALF_ANGLE_RAD, 7)
-            reach = radius_m + TOUCH_DEPTH_M
-            arc = np.stack(
-                [robot.x_m + reach * np.cos(bearings), robot.y_m + reach * np.sin(bearings)], axis=1
-            )
-            self.points_m = np.concatenate([self.points_m, arc])
+            mark = _edge_ahead(robot, config) if isinstance(config, AckermannConfig) else _arc(robot, config)
+            self.points_m = np.concatenate([self.points_m, mark])
         self._contacts = robot.collisions
 
     def state(self) -> dict[str, Any]:
@@ -77,3 +75,16 @@ class TouchMemory:
     def restore(self, state: dict[str, Any]) -> None:
         self.points_m = np.array(state["points_m"]).reshape(-1, 2)
         self._contacts = int(state["contacts"])
+
+
+def _arc(robot: RobotState, config: RobotConfig) -> Float[ndarray, "n 2"]:
+    bearings = robot.yaw_rad + np.linspace(-_TOUCH_HALF_ANGLE_RAD, _TOUCH_HALF_ANGLE_RAD, 7)
+    reach = config.radius_m + TOUCH_DEPTH_M
+    return np.stack([robot.x_m + reach * np.cos(bearings), robot.y_m + reach * np.sin(bearings)], axis=1)
+
+
+def _edge_ahead(robot: RobotState, car: AckermannConfig) -> Float[ndarray, "n 2"]:
+    ahead = -car.rear_overhang_m - TOUCH_DEPTH_M if robot.reversing else car.front_m + TOUCH_DEPTH_M
+    beside = np.linspace(-car.width_m / 2, car.width_m / 2, 7)
+    cos, sin = np.cos(robot.yaw_rad), np.sin(robot.yaw_rad)
+    return np.stack([robot.x_m + ahead * cos - beside * sin, robot.y_m + ahead * sin + beside * cos], axis=1)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.car_ways import CarWays, body_points
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.low_obstacles import TouchMemory
@@ -18,6 +19,7 @@ from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_g
 from hgs_core.planning.path_search import entries_near, path_from_robot, reach_from
 from hgs_core.planning.pursuit import Pursuit
 from hgs_core.planning.zones import TOLERANCE_M, Zones
+from hgs_core.robot.ackermann import AckermannConfig
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig, RobotState
 from hgs_core.voxels.voxel_map import VoxelMap
@@ -45,8 +47,10 @@ class Navigator:
 
     def stands_in_no_go(self, x_m: float, y_m: float) -> bool:
         """Whether any part of a robot that stands there is in a no-go area."""
+        robot = self._robot
+        radius_m = robot.width_m / 2 if isinstance(robot, AckermannConfig) else robot.radius_m
         nearest_m = self._zones.nearest_no_go_m(np.array([[x_m, y_m]]))
-        return bool(nearest_m[0] < self._robot.radius_m - TOLERANCE_M)
+        return bool(nearest_m[0] < radius_m - TOLERANCE_M)
 
     def n_missing(self, voxels: VoxelMap) -> int:
         """How many voxels are missing where it is worth seeing."""
@@ -55,6 +59,9 @@ class Navigator:
 
     def enters_no_go(self, path: Path) -> bool:
         """Whether any part of a robot that drives along the path comes into a no-go area."""
+        if path.headings_rad is not None and isinstance(self._robot, AckermannConfig):
+            poses = np.column_stack([path.positions_m, path.headings_rad])
+            return bool(np.any(self._zones.nearest_no_go_m(body_points(self._robot, poses)) <= 0.0))
         return self._zones.path_enters_no_go(path, self._robot.radius_m)
 
     def way_to(
@@ -128,16 +135,21 @@ class Navigator:
         self._touches.restore(state["touches"])
         self._pursuit.restore(state["pursuit"])
 
-    def _along(self, grid: NavigationGrid, points_m: Float[ndarray, "n 2"], robot: RobotState) -> Path:
-        """A way that is from now on under way."""
-        path = Path(positions_m=points_m, yaws_rad=np.full(len(points_m), np.nan))
+    def _along(self, grid: NavigationGrid, points_m: Float[ndarray, "n 2"], robot: RobotState) -> Path | None:
+        """A way that is from now on under way; a car finds one of its own to the same end, or none."""
+        path: Path | None = Path(positions_m=points_m, yaws_rad=np.full(len(points_m), np.nan))
+        if isinstance(self._robot, AckermannConfig):
+            pose = np.array([robot.x_m, robot.y_m, robot.yaw_rad])
+            path = CarWays(grid, self._robot, self._config.kinodynamic, pose).way_any_heading(points_m[-1])
+        if path is None:
+            return None
         self._pursuit.follow(path, np.zeros(0), grid, robot.timestamp_s)
         return path
 
     def _grid(
         self, snapshot: MapSnapshot, robot: RobotState, *, forbidden: Bool[ndarray, "nx ny"] | None
     ) -> NavigationGrid:
-        self._touches.notice(robot, self._robot.radius_m)
+        self._touches.notice(robot, self._robot)
         return build_navigation_grid(
             snapshot.voxels,
             self._config.navigation,

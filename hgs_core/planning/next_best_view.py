@@ -20,7 +20,7 @@ from hgs_core.gain.viewpoint import GainEvaluator
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.cycle import PlanningCycle
-from hgs_core.planning.executable_path import join_views
+from hgs_core.planning.executable_path import CAR_TRIES, NO_WAY, Route, car_route, join_views
 from hgs_core.planning.plan import (
     Candidate,
     NothingLeft,
@@ -33,6 +33,7 @@ from hgs_core.planning.plan import (
 from hgs_core.planning.survey import PlannerContext, Survey
 from hgs_core.planning.surveying import SurveyingPlanner
 from hgs_core.planning.views import View
+from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
 
 
@@ -109,11 +110,11 @@ class NextBestViewPlanner(SurveyingPlanner):
         scorer.elapsed_s = 0.0
         cycle = self._survey.cycle(snapshot, robot)
         self._survey.remember_views_taken(cycle)
-        choice = self._policy.choose(cycle, rng)
-        path = join_views(cycle, choice.stops)
+        choice, route = self._routed_choice(cycle, rng)
+        path = route.path
         local_s = time.perf_counter() - began - scorer.elapsed_s
         times = PlanningTimes(viewpoint_evaluation_s=scorer.elapsed_s, local_s=local_s, global_s=0.0)
-        if not choice.stops:
+        if not route.views:
             pursuit.drop()
             unseen = tuple(_given_up(region) for region in self._survey.unseen(cycle))
             return NothingLeft(
@@ -124,7 +125,7 @@ class NextBestViewPlanner(SurveyingPlanner):
                 reason=self._survey.why_nothing(cycle, unseen, choice.reason),
             )
         yaws = path.yaws_rad[np.isfinite(path.yaws_rad)]
-        gains = [view.undiscounted_gain_at(float(yaw)) for view, yaw in zip(choice.stops, yaws, strict=True)]
+        gains = [view.undiscounted_gain_at(float(yaw)) for view, yaw in zip(route.views, yaws, strict=True)]
         pursuit.follow(path, np.array(gains), cycle.grid, robot.timestamp_s)
         return Plan(
             path=path,
@@ -138,6 +139,20 @@ class NextBestViewPlanner(SurveyingPlanner):
             times=times,
             coverage_unit=self.config.gain.coverage_unit,
         )
+
+    def _routed_choice(self, cycle: PlanningCycle, rng: np.random.Generator) -> tuple[Choice, Route]:
+        """What the policy wants and the way there. Where a car finds a way to none of it, the policy is asked
+        again, and believes less in those views."""
+        choice = self._policy.choose(cycle, rng)
+        if cycle.car is None:
+            return choice, Route(path=join_views(cycle, choice.stops), views=choice.stops)
+        for _ in range(CAR_TRIES):
+            route = car_route(cycle, cycle.car, choice.stops)
+            if route.views or not choice.stops:
+                return choice, route
+            self._survey.remember_no_way(choice.stops)
+            choice = self._policy.choose(cycle, rng)
+        return Choice(stops=[], rejected=choice.stops, reason=NO_WAY), Route(path=Path.empty(), views=[])
 
     def should_replan(
         self, snapshot: MapSnapshot, robot: RobotState, plan: Plan, waypoints_passed: int

@@ -147,7 +147,7 @@ class Plan:
         plain = {f.name: getattr(self, f.name) for f in fields(self)}
         return {
             **plain,
-            "path": {"positions_m": self.path.positions_m, "yaws_rad": self.path.yaws_rad},
+            "path": self.path.state(),
             "candidates": [asdict(candidate) for candidate in self.candidates],
             "subspaces": [asdict(subspace) for subspace in self.subspaces],
             "horizon": {"lower_m": self.horizon.lower_m, "upper_m": self.horizon.upper_m},

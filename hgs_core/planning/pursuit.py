@@ -9,10 +9,12 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.car_ways import body_of, poses_free
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.low_obstacles import TouchMemory
 from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_grid
 from hgs_core.planning.views import turn_rad
+from hgs_core.robot.ackermann import AckermannConfig
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig, RobotState
 
@@ -98,11 +100,14 @@ class Pursuit:
             self._config.navigation,
             self._robot,
             robot_xy_m=here,
-            around_m=ahead,
+            around_m=_with_body(ahead, self._robot),
             gaussians=snapshot.gaussians,
             touched_m=self._touches.points_m,
             forbidden=forbidden,
         )
+        if path.headings_rad is not None:
+            poses = np.column_stack([ahead[1:], path.headings_rad[waypoints_passed:end]])
+            return self._why_car_blocked(grid, robot, poses)
         clearance = grid.path_clearance_m(ahead)
         required = np.full(len(clearance), self._robot.radius_m)
         if len(self._accepted_m) == max(len(path.positions_m) - 1, 1):
@@ -113,6 +118,20 @@ class Pursuit:
             return None
         away = float(np.linalg.norm(np.diff(ahead[: short[0] + 1], axis=0), axis=1).sum())
         return f"blocked: {clearance[short[0]]:.2f} m of clearance on the path, {away:.1f} m ahead or less"
+
+    def _why_car_blocked(
+        self, grid: NavigationGrid, robot: RobotState, poses: Float[ndarray, "n 3"]
+    ) -> str | None:
+        """The body itself, without the margin that its way was planned with."""
+        assert isinstance(self._robot, AckermannConfig)
+        standing = np.array([[robot.x_m, robot.y_m, robot.yaw_rad]])
+        free = poses_free(grid, body_of(self._robot, 0.0), poses, standing=standing)
+        met = np.flatnonzero(~free)
+        if not len(met):
+            return None
+        places = np.concatenate([standing[:, :2], poses[: met[0] + 1, :2]])
+        away = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        return f"blocked: the body would meet something on the path, {away:.1f} m ahead"
 
     def state(self) -> dict[str, Any]:
         return {
@@ -125,3 +144,11 @@ class Pursuit:
         self._views = np.array(state["views"])
         self._accepted_m = np.array(state["accepted_m"])
         self._checked_s = float(state["checked_s"])
+
+
+def _with_body(places_m: Float[ndarray, "n 2"], robot: RobotConfig) -> Float[ndarray, "m 2"]:
+    """The places, and for a car the corners of a square about them that holds its body in every heading."""
+    if not isinstance(robot, AckermannConfig):
+        return places_m
+    reach = np.hypot(robot.front_m, robot.width_m / 2)
+    return np.concatenate([places_m - reach, places_m + reach])

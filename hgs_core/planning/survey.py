@@ -14,6 +14,7 @@ from hgs_core.gain.viewpoint import GainEvaluator, GainPanorama, Panoramic
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.car_ways import CarWays
 from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.directives import Directives
@@ -29,6 +30,7 @@ from hgs_core.planning.subspaces import SubspacePartition, horizon_around
 from hgs_core.planning.unseen import unseen_regions
 from hgs_core.planning.views import View, ViewMemory, ViewScorer, observed_around
 from hgs_core.planning.zones import Zones
+from hgs_core.robot.ackermann import AckermannConfig
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig, RobotState
 
@@ -109,7 +111,7 @@ class Survey:
         if not voxels.states.size:
             raise PlanningError("the voxel map is empty: integrate a frame before planning")
         here = np.array([robot.x_m, robot.y_m])
-        self._touches.notice(robot, self.context.robot.radius_m)
+        self._touches.notice(robot, self.context.robot)
         grid = self._floor.grid(
             voxels,
             snapshot.gaussians,
@@ -118,7 +120,13 @@ class Survey:
             forbidden=self._zones.forbidden(voxels),
         )
         reach = reach_from(grid, here)
-        is_place = reach.reachable & self._in_bounds(grid)
+        reachable, car = reach.reachable, None
+        if isinstance(self.context.robot, AckermannConfig):
+            pose = np.array([robot.x_m, robot.y_m, robot.yaw_rad])
+            car = CarWays(grid, self.context.robot, self.config.kinodynamic, pose)
+            reachable = reachable & car.reach.anyhow
+        self.scorer.car = car
+        is_place = reachable & self._in_bounds(grid)
         inside = self._zones.inside(voxels)
         if inside is not None:
             self._region_reached |= bool((is_place & inside).any())
@@ -145,6 +153,7 @@ class Survey:
             observed_share=voxels.observed_share(horizon),
             preferred_clearance_m=self.config.navigation.preferred_clearance_m,
             scorer=self.scorer,
+            car=car,
         )
 
     def remember_views_taken(self, cycle: PlanningCycle) -> None:
@@ -156,6 +165,12 @@ class Survey:
             remaining = view.undiscounted_gain_at(yaw_rad) / max(predicted, 1e-9)
             self.memory.add(x_m, y_m, yaw_rad, remaining_share=remaining)
         self.memory.current = (robot.x_m, robot.y_m, robot.yaw_rad)
+
+    def remember_no_way(self, views: list[View]) -> None:
+        """A car found no way to these: they count as taken once, so that others come first."""
+        for view in views:
+            x_m, y_m = view.xy_m.tolist()
+            self.memory.add(x_m, y_m, view.yaw_rad, remaining_share=0.0)
 
     def observed_share(self, snapshot: MapSnapshot, robot: RobotState) -> float:
         """lambda_o about the robot (HGS-Planner Eq. 10), without a whole survey."""

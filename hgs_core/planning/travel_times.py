@@ -1,4 +1,8 @@
-"""How long a robot takes between views: driving along the grid's ways, and turning in place."""
+"""How long a robot takes between views: driving along the grid's ways, and turning.
+
+A differential robot turns on the spot, before and after it drives; a holonomic one while it drives. A car
+drives at least the grid's way and at least what it would have to without obstacles to come to the view's
+heading (Reeds and Shepp); from where it stands, what it takes to get there is known."""
 
 from __future__ import annotations
 
@@ -6,9 +10,12 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from hgs_core.planning.car_ways import CarWays
 from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.path_search import pairwise_costs
 from hgs_core.planning.views import View, turn_rad
+from hgs_core.robot.differential import DifferentialConfig
+from hgs_core.robot.holonomic import HolonomicConfig
 from hgs_core.robot.robot import RobotConfig
 
 
@@ -17,8 +24,12 @@ class TravelTimes:
     the view's. `turning_weight` makes turning count for less, where it is the metres that matter."""
 
     def __init__(self, robot: RobotConfig, *, turning_weight: float = 1.0) -> None:
+        self._robot = robot
         self._speed_mps = robot.max_speed_mps
-        self._turn_rate_radps = np.radians(robot.max_turn_rate_degps)
+        turns = (
+            robot.max_turn_rate_degps if isinstance(robot, DifferentialConfig | HolonomicConfig) else np.inf
+        )
+        self._turn_rate_radps = np.radians(turns)
         self._turning_weight = turning_weight
 
     def committed_times_s(
@@ -60,7 +71,13 @@ class TravelTimes:
         drive = np.minimum(drive, _by_way_of_robot(away))
         places = np.stack([robot, *(view.xy_m for view in stops)])
         yaws = [cycle.robot.yaw_rad, *(view.yaw_rad for view in stops)]
+        if cycle.car is not None:
+            return _by_car(cycle, cycle.car, stops, drive) / self._speed_mps
         times = drive / self._speed_mps
+        if isinstance(self._robot, HolonomicConfig):
+            turned = np.abs(np.subtract.outer(yaws, yaws))
+            turning = np.minimum(turned, 2 * np.pi - turned) / self._turn_rate_radps
+            return np.maximum(times, self._turning_weight * turning)
         for a in range(n + 1):
             for b in range(1, n + 1):
                 times[a, b] += self._turning_weight * self._turning_s(places[a], yaws[a], places[b], yaws[b])
@@ -74,6 +91,20 @@ class TravelTimes:
             return turn_rad(yaw_start, yaw_end) / self._turn_rate_radps
         bearing = float(np.arctan2(dy, dx))
         return (turn_rad(yaw_start, bearing) + turn_rad(bearing, yaw_end)) / self._turn_rate_radps
+
+
+def _by_car(
+    cycle: PlanningCycle, car: CarWays, stops: list[View], drive_m: Float[ndarray, "m m"]
+) -> Float[ndarray, "m m"]:
+    """Metres that a car drives at least, of the robot's pose (row 0) and the stops."""
+    poses = np.array([cycle.robot_pose, *([*view.xy_m, view.yaw_rad] for view in stops)])
+    metres = np.maximum(drive_m, car.lengths_m(poses))
+    for k, view in enumerate(stops):
+        known = car.reach.costs_at(np.array([view.cell]), np.array([view.yaw_rad]))[0, 0]
+        if np.isfinite(known):
+            metres[0, k + 1] = max(metres[0, k + 1], known)
+    np.fill_diagonal(metres, 0.0)
+    return metres
 
 
 def _by_way_of_robot(away: Float[ndarray, " n"]) -> Float[ndarray, "m m"]:

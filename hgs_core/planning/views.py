@@ -16,6 +16,7 @@ from hgs_core.config.base import StrictConfig
 from hgs_core.gain.viewpoint import GainEvaluator, LocatingEvaluator, SurfaceInView
 from hgs_core.geometry.boxes import Box
 from hgs_core.mapping.snapshot import MapSnapshot
+from hgs_core.planning.car_ways import CarWays
 from hgs_core.planning.plan import Candidate, CandidateStatus
 from hgs_core.voxels.voxel_map import VoxelMap
 
@@ -72,6 +73,14 @@ class View:
         """Of the yaws about as good as the best, the one nearest to `heading_rad`."""
         good = self.yaws_rad[self.total_by_yaw >= NEAR_BEST * float(np.max(self.total_by_yaw))]
         return float(good[np.argmin(np.abs(wrap_angle(good - heading_rad)))])
+
+    def good_yaws(self, apart_rad: float) -> Float[ndarray, " n"]:
+        """Of the yaws about as good as the best, the best and others at least so far apart."""
+        kept = [self.yaw_rad]
+        for yaw in self.yaws_rad[self.total_by_yaw >= NEAR_BEST * float(np.max(self.total_by_yaw))].tolist():
+            if all(turn_rad(yaw, other) >= apart_rad - 1e-9 for other in kept):
+                kept.append(yaw)
+        return np.array(kept)
 
     def gain_at(self, yaw_rad: float) -> float:
         """The total gain at the evaluated yaw nearest to `yaw_rad`."""
@@ -216,6 +225,8 @@ class ViewScorer:
         self.camera_height_m = camera_height_m
         self.elapsed_s = 0.0
         """Wall seconds spent evaluating since it was last set to 0."""
+        self.car: CarWays | None = None
+        """Where the robot is a car: views are from poses alone that it can get to."""
         self._evaluator = evaluator
 
     def score(
@@ -236,6 +247,9 @@ class ViewScorer:
             snapshot, positions, observed_share=observed_share, coverage_only=coverage_only
         )
         totals = np.asarray(gains.total_by_yaw) * self.memory.factors(places_m, gains.yaws_rad)
+        if self.car is not None:
+            stands = self.car.may_stand(np.array(cells), places_m, gains.yaws_rad)
+            totals = totals * (stands | (np.array(cells) < 0)[:, None])
         best = np.argmax(totals, axis=1)
         views = [
             View(

@@ -15,18 +15,19 @@ STEP_HEIGHT_M: Final = 0.05
 
 
 class RobotConfig(StrictConfig):
-    """A wheeled robot: an upright cylinder that turns in place and drives forward."""
+    """What every wheeled robot has. How it drives is its subclasses' (`vehicle.py`)."""
 
+    drive: str
+    """`differential`, `holonomic` or `ackermann`."""
     radius_m: float = Field(0.25, gt=0)
-    """Radius of the footprint [m]."""
+    """Of the disc about the robot's axis that places and scenes are judged by [m]: the footprint of a round
+    robot; a car needs as much beside its rear axle, and more ahead."""
     height_m: float = Field(1.1, gt=0)
     """Height of the body above the floor [m]."""
     step_height_m: float = Field(STEP_HEIGHT_M, ge=0)
     """Wheels climb what is lower than this [m]: rugs, thresholds, cables."""
     max_speed_mps: float = Field(1.0, gt=0)
     """Driving speed [m/s]."""
-    max_turn_rate_degps: float = Field(60.0, gt=0)
-    """Turning rate in place [degrees/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,8 @@ class RobotState:
     timestamp_s: float
     path_length_m: float
     collisions: int
+    reversing: bool = False
+    """Whether it drives backwards, or last did."""
     robot_id: str = "robot0"
 
 
@@ -68,7 +71,12 @@ class Robot(Protocol):
         ...
 
     def stop(self) -> None:
-        """Drop the current path and stand."""
+        """Drop the current path and come to a stand on it, as fast as the robot may brake."""
+        ...
+
+    @property
+    def standing_in_s(self) -> float:
+        """Seconds until a robot that was told to stop stands; 0 when it does."""
         ...
 
     def limit_speed(self, max_speed_mps: float | None) -> None:

@@ -10,9 +10,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from hgs_core.errors import RobotError
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.kinematics import turned_towards, wrapped
 from hgs_core.robot.path import Path
-from hgs_core.robot.robot import RobotConfig, RobotState
+from hgs_core.robot.robot import RobotState
 from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.obstacles import BodyObstacles
 
@@ -37,7 +38,7 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, config: RobotConfig, obstacles: BodyObstacles, start: StartPose, robot_id: str = "robot0"
+        self, config: DifferentialConfig, obstacles: BodyObstacles, start: StartPose, robot_id: str = "robot0"
     ) -> None:
         if obstacles.height_m != config.height_m:
             raise RobotError(
@@ -97,6 +98,10 @@ class SimulatedRobot:
     def limit_speed(self, max_speed_mps: float | None) -> None:
         can = self._config.max_speed_mps
         self._speed_mps = can if max_speed_mps is None else min(max_speed_mps, can)
+
+    @property
+    def standing_in_s(self) -> float:
+        return 0.0
 
     def advance(self, duration_s: float) -> RobotState:
         if not (duration_s >= 0 and math.isfinite(duration_s)):

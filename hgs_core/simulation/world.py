@@ -7,6 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from hgs_core.errors import RobotError
+from hgs_core.robot.ackermann import AckermannConfig
+from hgs_core.robot.differential import DifferentialConfig
+from hgs_core.robot.holonomic import HolonomicConfig
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.scene import Scene
@@ -15,6 +19,7 @@ from hgs_core.sensing.scanner import ScannerConfig
 from hgs_core.simulation.registry import SimulatedSensor, build_sensor
 from hgs_core.simulation.robot import SimulatedRobot
 from hgs_core.simulation.scanner import SimulatedScanner
+from hgs_core.simulation.vehicle import SimulatedVehicle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,7 +27,7 @@ class SimulatedWorld:
     """Everything on the far side of the seams `Robot`, `Sensor` and `Scanner`."""
 
     scene: Scene
-    robot: SimulatedRobot
+    robot: SimulatedRobot | SimulatedVehicle
     camera: SimulatedSensor
     scanner: SimulatedScanner
 
@@ -37,7 +42,7 @@ class SimulatedWorld:
     ) -> SimulatedWorld:
         """The robot at the scene's start; camera and scanner noise draw from two children of `seeds`."""
         camera_seed, scanner_seed = seeds.spawn(2)
-        vehicle = SimulatedRobot(robot, BodyObstacles(scene.mesh, robot.height_m), scene.start)
+        vehicle = _simulated(robot, scene)
         return SimulatedWorld(
             scene=scene,
             robot=vehicle,
@@ -57,3 +62,12 @@ class SimulatedWorld:
         self.robot.restore(state["robot"])
         self.camera.restore(state["camera"])
         self.scanner.restore(state["scanner"])
+
+
+def _simulated(robot: RobotConfig, scene: Scene) -> SimulatedRobot | SimulatedVehicle:
+    obstacles = BodyObstacles(scene.mesh, robot.height_m)
+    if isinstance(robot, AckermannConfig | HolonomicConfig):
+        return SimulatedVehicle(robot, obstacles, scene.start)
+    if isinstance(robot, DifferentialConfig):
+        return SimulatedRobot(robot, obstacles, scene.start)
+    raise RobotError(f"no simulated robot drives as {robot.drive!r}")

@@ -17,7 +17,7 @@ from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.plan import NothingLeft, Plan
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import Differential, DifferentialConfig
 from tests.mission.passing_time import PassingTime
 from tests.mission.test_real_time import (
     INTERVAL_S,
@@ -99,6 +99,7 @@ def test_the_robot_stands_before_the_loop_has_come_to_stop_and_never_moves_again
     (mapper if part == "mapper" else planner).busy = busy
     mission = Mission(
         robot=robot,
+        vehicle=Differential(DifferentialConfig()),
         sensor=sensors,
         scanner=sensors,
         mapper=mapper,
@@ -108,7 +109,7 @@ def test_the_robot_stands_before_the_loop_has_come_to_stop_and_never_moves_again
         clock=LockstepClock(INTERVAL_S),
         observer=EventLog(tmp_path / "events.jsonl", heard),
         commands=operator,
-        navigator=Navigator(HierarchicalConfig(), RobotConfig()),
+        navigator=Navigator(HierarchicalConfig(), DifferentialConfig()),
         directives=Directives(),
     )
     loop = threading.Thread(target=mission.run, daemon=True)

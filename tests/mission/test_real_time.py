@@ -22,8 +22,9 @@ from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.plan import NothingLeft, Plan, PlanningTimes, UnseenRegion
+from hgs_core.robot.differential import Differential, DifferentialConfig
 from hgs_core.robot.path import Path as RobotPath
-from hgs_core.robot.robot import RobotConfig, RobotState
+from hgs_core.robot.robot import RobotState
 from hgs_core.sensing.frame import Frame, Scan
 from hgs_core.voxels.voxel_map import VoxelConfig
 from tests.mission.passing_time import PassingTime
@@ -73,6 +74,10 @@ class TurningRobot:
 
     def limit_speed(self, max_speed_mps: float | None) -> None:
         raise AssertionError("nobody asks for a limit")
+
+    @property
+    def standing_in_s(self) -> float:
+        return 0.0
 
 
 class RobotAtViews(TurningRobot):
@@ -253,6 +258,7 @@ class Trial:
         self.heard = Heard()
         self.mission = Mission(
             robot=robot,
+            vehicle=Differential(DifferentialConfig()),
             sensor=sensors,
             scanner=sensors,
             mapper=self.mapper,
@@ -264,7 +270,7 @@ class Trial:
             else LockstepClock(INTERVAL_S),
             observer=self.heard,
             commands=StopAfter(self.time, stop_at_s),
-            navigator=Navigator(HierarchicalConfig(), RobotConfig()),
+            navigator=Navigator(HierarchicalConfig(), DifferentialConfig()),
             directives=Directives(),
         )
         self.record: MissionRecord = self.mission.run()

@@ -13,7 +13,7 @@ from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.plan import NothingLeft, Plan, Planner
 from hgs_core.planning.survey import PlannerContext
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import DifferentialConfig
 from tests.planning.closed_world import (
     CAMERA,
     CAMERA_HEIGHT_M,
@@ -41,7 +41,7 @@ class ClosedMission:
 def context_in(region: Box | None) -> PlannerContext:
     """What a planner is told of the robot that drives here."""
     return PlannerContext(
-        robot=RobotConfig(),
+        robot=DifferentialConfig(),
         camera=CAMERA,
         camera_height_m=CAMERA_HEIGHT_M,
         camera_range_m=RANGE_M,

@@ -6,7 +6,7 @@ import numpy as np
 
 from hgs_core.geometry.boxes import Box
 from hgs_core.planning.navigation_grid import NavigationConfig, NavigationGrid, build_navigation_grid
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
 
 HEIGHT = 15
@@ -33,4 +33,6 @@ def grid_of(
     voxels: VoxelMap, at: tuple[float, float] | None = None, radius_m: float = 0.25
 ) -> NavigationGrid:
     here = None if at is None else np.array(at)
-    return build_navigation_grid(voxels, NavigationConfig(), RobotConfig(radius_m=radius_m), robot_xy_m=here)
+    return build_navigation_grid(
+        voxels, NavigationConfig(), DifferentialConfig(radius_m=radius_m), robot_xy_m=here
+    )

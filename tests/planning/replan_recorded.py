@@ -40,7 +40,7 @@ def answers_of(preset: str, recordings: list[dict[str, Any]]) -> list[dict[str, 
     from hgs_core.planning.plan import Plan
     from hgs_core.planning.registry import build_planner, planner_config
     from hgs_core.planning.survey import PlannerContext
-    from hgs_core.robot.robot import RobotConfig
+    from hgs_core.robot.differential import DifferentialConfig
     from tests.planning import recorded_maps
 
     config = planner_config(load_preset("planner", preset))
@@ -49,7 +49,7 @@ def answers_of(preset: str, recordings: list[dict[str, Any]]) -> list[dict[str, 
         snapshot, robot = recorded_maps.play_back(recording)
         region = Box(lower_m=np.array(recording["lower_m"]), upper_m=np.array(recording["upper_m"]))
         context = PlannerContext(
-            robot=RobotConfig(),
+            robot=DifferentialConfig(),
             camera=recorded_maps.PLANNED_FOR,
             camera_height_m=recorded_maps.CAMERA_HEIGHT_M,
             camera_range_m=recorded_maps.RANGE_M,

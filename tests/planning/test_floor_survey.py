@@ -8,10 +8,10 @@ from hgs_core.geometry.boxes import Box
 from hgs_core.planning import floor_survey
 from hgs_core.planning.floor_survey import FloorSurvey
 from hgs_core.planning.navigation_grid import NavigationConfig, NavigationGrid, build_navigation_grid
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.voxels.voxel_map import CHUNK, VoxelConfig, VoxelMap
 
-CONFIG, ROBOT = NavigationConfig(), RobotConfig()
+CONFIG, ROBOT = NavigationConfig(), DifferentialConfig()
 SIGHT_M = 1.5
 
 

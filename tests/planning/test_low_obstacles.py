@@ -6,10 +6,11 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
 from hgs_core.planning.low_obstacles import TouchMemory, low_surface_counts
 from hgs_core.planning.navigation_grid import NavigationConfig, build_navigation_grid
-from hgs_core.robot.robot import RobotConfig, RobotState
+from hgs_core.robot.differential import DifferentialConfig
+from hgs_core.robot.robot import RobotState
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
 
-ROBOT = RobotConfig()
+ROBOT = DifferentialConfig()
 
 
 def gaussians_at(centres: list[list[float]], *, logit_opacity: float = 3.0) -> GaussianMap:
@@ -78,10 +79,10 @@ def test_two_gaussians_are_not_a_surface() -> None:
 
 def test_a_touch_blocks_what_lies_ahead_once() -> None:
     touches = TouchMemory()
-    touches.notice(state(collisions=0), ROBOT.radius_m)
+    touches.notice(state(collisions=0), ROBOT)
     assert len(touches.points_m) == 0
-    touches.notice(state(collisions=1, yaw_rad=np.pi / 2), ROBOT.radius_m)
-    touches.notice(state(collisions=1, yaw_rad=0.0), ROBOT.radius_m)
+    touches.notice(state(collisions=1, yaw_rad=np.pi / 2), ROBOT)
+    touches.notice(state(collisions=1, yaw_rad=0.0), ROBOT)
     away = touches.points_m - np.array([1.5, 1.5])
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), 0.28)
     assert (away[:, 1] > 0.2).all()

@@ -7,7 +7,7 @@ from scipy.ndimage import distance_transform_edt
 
 from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationConfig, build_navigation_grid
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.voxels.voxel_map import VoxelState
 from tests.planning.floors import empty_map, grid_of, room
 
@@ -115,7 +115,9 @@ def test_a_part_of_the_grid_agrees_with_the_whole() -> None:
         voxels.states[i, j, 1:6] = VoxelState.OCCUPIED
     whole = grid_of(voxels)
     path = np.array([[1.0, 1.0], [3.0, 2.0], [4.0, 5.0]])
-    part = build_navigation_grid(voxels, NavigationConfig(), RobotConfig(), robot_xy_m=None, around_m=path)
+    part = build_navigation_grid(
+        voxels, NavigationConfig(), DifferentialConfig(), robot_xy_m=None, around_m=path
+    )
     assert part.blocked.size < whole.blocked.size
     np.testing.assert_allclose(part.path_clearance_m(path), whole.path_clearance_m(path), atol=1e-9)
 

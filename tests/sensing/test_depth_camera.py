@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from hgs_core.config.presets import load_preset
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.sensing.depth_camera import DepthCameraConfig, with_uniform_noise
 from hgs_core.sensing.scanner import ScannerConfig
 
@@ -41,7 +41,7 @@ def test_the_preset_is_the_papers_camera():
 
 
 def test_the_robot_preset_is_the_default_robot():
-    assert RobotConfig(**load_preset("robot", "wheeled")) == RobotConfig()
+    assert DifferentialConfig(**load_preset("robot", "wheeled")) == DifferentialConfig()
 
 
 @pytest.mark.parametrize("field", ["range_m", "focal_px", "frame_interval_s", "mount_height_m"])

@@ -5,7 +5,7 @@ import pytest
 
 from hgs_core.errors import ConfigError
 from hgs_core.mission.config import resolve_mission_config
-from hgs_core.robot.robot import RobotConfig
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.scene import Scene
@@ -33,7 +33,7 @@ def frame(config: DepthCameraConfig, *, seed: int = 0, x_m: float = -1.0, yaw_ra
     )
     world = SimulatedWorld.of(
         scene,
-        robot=RobotConfig(),
+        robot=DifferentialConfig(),
         camera=config,
         scanner=ScannerConfig(),
         seeds=np.random.SeedSequence(seed),

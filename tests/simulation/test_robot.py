@@ -4,15 +4,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgs_core.errors import RobotError
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.path import Path
-from hgs_core.robot.robot import RobotConfig
 from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.simulation.robot import SimulatedRobot
 from tests.scene.worlds import room, with_boxes
 
 NAN = float("nan")
-CONFIG = RobotConfig()
+CONFIG = DifferentialConfig()
 FREE = BodyObstacles(room((-10.0, 10.0), (-10.0, 10.0)), CONFIG.height_m)
 BLOCKED = BodyObstacles(
     with_boxes(
@@ -172,7 +172,7 @@ def test_impossible_commands_are_refused():
     with pytest.raises(RobotError, match="cannot advance by -1"):
         robot.advance(-1.0)
     with pytest.raises(RobotError, match="obstacles are for a body of"):
-        SimulatedRobot(RobotConfig(height_m=0.5), FREE, StartPose(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+        SimulatedRobot(DifferentialConfig(height_m=0.5), FREE, StartPose(x_m=0.0, y_m=0.0, yaw_rad=0.0))
 
 
 def test_a_restored_robot_goes_on_as_the_first_would_have():

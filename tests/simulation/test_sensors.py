@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.path import Path
-from hgs_core.robot.robot import RobotConfig
 from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.scene import Scene
@@ -32,7 +32,7 @@ def scene():
 
 def world(scene, *, seed=0, camera=CAMERA, scanner=SCANNER):
     return SimulatedWorld.of(
-        scene, robot=RobotConfig(), camera=camera, scanner=scanner, seeds=np.random.SeedSequence(seed)
+        scene, robot=DifferentialConfig(), camera=camera, scanner=scanner, seeds=np.random.SeedSequence(seed)
     )
 
 

@@ -1,0 +1,189 @@
+"""A car's ways over the grid, against naive oracles: rectangles by their corners, reach by plain Dijkstra."""
+
+import heapq
+
+import numpy as np
+import pytest
+
+from hgs_core.native import kernels
+from hgs_core.planning.car_ways import CarWays, KinodynamicConfig, body_of, poses_free
+from hgs_core.planning.navigation_grid import NavigationGrid
+from hgs_core.robot.ackermann import Ackermann, AckermannConfig, driven_arcs
+from tests.planning.floors import grid_of, room
+
+CAR = AckermannConfig()
+CONFIG = KinodynamicConfig()
+BODY = body_of(CAR, CONFIG.margin_m)
+
+
+def cluttered(seed: int) -> NavigationGrid:
+    """A room of 5 x 4 m with boxes of up to half a metre."""
+    rng = np.random.default_rng(seed)
+    voxels = room(50, 40)
+    for _ in range(8):
+        i, j = rng.integers(5, 45), rng.integers(5, 35)
+        voxels.states[i : i + rng.integers(1, 6), j : j + rng.integers(1, 6)] = 2
+    voxels.note_change()
+    return grid_of(voxels)
+
+
+def meets(grid: NavigationGrid, pose: np.ndarray, body: np.ndarray = BODY) -> bool:
+    """Whether a rectangle meets a blocked cell, by points a hundredth of a metre apart in it."""
+    rear, front, half = body
+    u, v = np.meshgrid(np.arange(-rear, front + 0.005, 0.01), np.arange(-half, half + 0.005, 0.01))
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    points = np.column_stack([(pose[0] + u * cos - v * sin).ravel(), (pose[1] + u * sin + v * cos).ravel()])
+    cells, inside = grid.cells_of(points)
+    return bool(np.any(~inside) or np.any(grid.blocked.ravel()[cells[inside]]))
+
+
+def random_poses(grid: NavigationGrid, rng: np.random.Generator, n: int) -> np.ndarray:
+    upper = np.array(grid.shape) * grid.size_m
+    return np.column_stack([rng.uniform(grid.lower_m, upper, (n, 2)), rng.uniform(-np.pi, np.pi, n)])
+
+
+def free_poses(grid: NavigationGrid, rng: np.random.Generator, n: int) -> np.ndarray:
+    poses = random_poses(grid, rng, 60 * n)
+    return poses[poses_free(grid, BODY, poses, standing=np.zeros((0, 3)))][:n]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_the_rectangle_fits(seed):
+    grid = cluttered(seed)
+    poses = random_poses(grid, np.random.default_rng(seed), 250)
+    free = poses_free(grid, BODY, poses, standing=np.zeros((0, 3)))
+    assert not any(meets(grid, pose) for pose in poses[free])
+    # Points a hundredth apart may miss a corner of a cell, but not if the rectangle is larger by as much.
+    assert all(meets(grid, pose, BODY + 0.012) for pose in poses[~free])
+
+
+def test_what_the_car_stands_in_is_forgiven_but_not_driven_into_deeper():
+    voxels = room(40, 30)
+    voxels.states[23:25, 10:20] = 2
+    voxels.note_change()
+    grid = grid_of(voxels)
+    standing = np.array([[2.0, 1.5, 0.0]])  # its front reaches 10 cm into the box at 2.3 m
+    poses = standing + np.array([[0.0, 0.0, 0.0], [-0.05, 0.0, 0.0], [0.05, 0.0, 0.0]])
+    assert poses_free(grid, BODY, poses, standing=np.zeros((0, 3))).tolist() == [False, False, False]
+    assert poses_free(grid, BODY, poses, standing=standing).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_way_ends_where_it_should_keeps_its_curvature_and_meets_nothing(seed):
+    grid = cluttered(seed)
+    rng = np.random.default_rng(seed)
+    starts, goals = free_poses(grid, rng, 3), free_poses(grid, rng, 3)
+    for start, goal in zip(starts, goals, strict=True):
+        ways = CarWays(grid, CAR, CONFIG, start)
+        yaws = goal[2] + np.array([0.0, 0.3])
+        path = ways.way(start, goal[:2], yaws)
+        if path is None:
+            cell = grid.cells_of(goal[None, :2])[0]
+            assert not np.isfinite(ways.reach.costs_at(cell, goal[2:])).all()
+            continue
+        assert path.headings_rad is not None
+        np.testing.assert_allclose(path.positions_m[0], start[:2], atol=1e-9)
+        np.testing.assert_allclose(path.positions_m[-1], goal[:2], atol=1e-6)
+        off = np.remainder(path.headings_rad[-1] - yaws + np.pi, 2 * np.pi) - np.pi
+        assert np.min(np.abs(off)) < 1e-6
+        _, lengths, curvatures = driven_arcs(path.positions_m, path.headings_rad)
+        assert np.max(np.abs(curvatures)) <= 1.0 / CAR.planned_radius_m + 1e-6
+        assert np.max(lengths) <= 0.05 + 1e-9
+        poses = np.column_stack([path.positions_m, path.headings_rad])
+        body = body_of(CAR, 0.0)
+        assert not any(meets(grid, pose, body) for pose in poses)
+        Ackermann(CAR).timed(path, start[2])  # and can be driven
+
+
+def test_reach_against_plain_dijkstra():
+    """The same steps without buckets: no state is dearer than half a step and a change of gear more."""
+    voxels = room(18, 16)
+    voxels.states[8:10, 6:9] = 2
+    voxels.note_change()
+    grid = grid_of(voxels)
+    start = np.array([0.5, 0.8, 1.0])
+    reach = CarWays(grid, CAR, CONFIG, start).reach.cost_m
+    oracle = _plain_reach(grid, start, reach.shape)
+    np.testing.assert_array_less(-1.0, reach)
+    both = np.isfinite(reach) & np.isfinite(oracle)
+    assert np.count_nonzero(np.isfinite(reach) != np.isfinite(oracle)) <= 0.02 * np.count_nonzero(both)
+    apart = reach[both] - oracle[both]
+    assert np.quantile(np.abs(apart), 0.95) <= 0.3
+    assert np.abs(np.median(apart)) <= 0.1
+
+
+def _plain_reach(grid: NavigationGrid, start: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    step, radius, n = 0.15, CAR.planned_radius_m, shape[2]
+    best = np.full(shape, np.inf)
+
+    def state(pose: np.ndarray) -> tuple[int, int, int]:
+        i, j = np.floor(pose[:2] / grid.size_m).astype(int)
+        return int(i), int(j), int(np.rint(pose[2] * n / (2 * np.pi))) % n
+
+    waiting: list[tuple[float, int, tuple]] = [(0.0, 0, (*start, 0, 0))]
+    count = 0
+    best[state(start)] = 0.0
+    while waiting:
+        cost, _, (x, y, yaw, gear, turn) = heapq.heappop(waiting)
+        if best[state(np.array([x, y, yaw]))] < cost:
+            continue
+        nexts, keys = [], []
+        for new_gear in (1, -1):
+            for new_turn in (0, 1, -1):
+                poses = [_arc(x, y, yaw, new_turn / radius, new_gear * part * step) for part in (0.5, 1.0)]
+                nexts.append(poses)
+                keys.append((new_gear, new_turn))
+        free = poses_free(grid, BODY, np.array(nexts).reshape(-1, 3), standing=start[None]).reshape(-1, 2)
+        for poses, ok, (new_gear, new_turn) in zip(nexts, free, keys, strict=True):
+            at = state(np.array(poses[1]))
+            if not ok.all():
+                continue
+            change = CONFIG.gear_change_m * (gear * new_gear < 0)
+            steer = 0.5 * CONFIG.steering_change_m * abs(new_turn - turn) * (gear != 0)
+            new = cost + step * (CONFIG.reverse_factor if new_gear < 0 else 1.0) + change + steer
+            if new < best[at] - 1e-12:
+                best[at] = new
+                count += 1
+                heapq.heappush(waiting, (new, count, (*poses[1], new_gear, new_turn)))
+    return best
+
+
+def _arc(x: float, y: float, yaw: float, curvature: float, length: float) -> tuple[float, float, float]:
+    if curvature == 0.0:
+        return x + length * np.cos(yaw), y + length * np.sin(yaw), yaw
+    after = yaw + curvature * length
+    return (
+        x + (np.sin(after) - np.sin(yaw)) / curvature,
+        y - (np.cos(after) - np.cos(yaw)) / curvature,
+        after,
+    )
+
+
+def test_open_floor_gives_the_shortest_way_and_a_straight_is_straight():
+    grid = grid_of(room(80, 60))
+    start = np.array([2.0, 3.0, 0.0])
+    ways = CarWays(grid, CAR, CONFIG, start)
+    path = ways.way(start, np.array([5.0, 3.0]), np.array([0.0]))
+    assert path is not None
+    assert path.length_m == pytest.approx(3.0, abs=1e-6)
+    np.testing.assert_allclose(path.positions_m[:, 1], 3.0, atol=1e-9)
+    goal = np.array([4.0, 4.0, 1.2])
+    there = ways.way(start, goal[:2], goal[2:])
+    assert there is not None
+    shortest = kernels.reeds_shepp_lengths(start[None], goal[None], CAR.planned_radius_m)[0, 0]
+    assert there.length_m <= 1.1 * shortest
+
+
+def test_a_dead_end_is_left_backwards():
+    voxels = room(60, 30)
+    voxels.states[30:59, 1:12] = 2
+    voxels.states[30:59, 18:29] = 2  # a corridor of 0.6 m to the right: no room to turn
+    voxels.note_change()
+    grid = grid_of(voxels)
+    start = np.array([5.0, 1.5, 0.0])
+    path = CarWays(grid, CAR, CONFIG, start).way(start, np.array([1.0, 1.5]), np.array([np.pi]))
+    assert path is not None
+    assert path.headings_rad is not None
+    gears, lengths, _ = driven_arcs(path.positions_m, path.headings_rad)
+    assert lengths[gears < 0].sum() > 1.5
+    assert np.count_nonzero(np.diff(gears)) <= 2
