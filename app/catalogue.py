@@ -224,14 +224,18 @@ def _refused(overrides: Mapping[str, str], error: ConfigError) -> list[dict[str,
     ]
 
 
-def time_limit_s(preset_source: str, overrides: Mapping[str, str]) -> float:
-    """The limit of mission time [s] that a preset and settings of it amount to."""
+def time_limit_s(preset_source: str, overrides: Mapping[str, str]) -> float | None:
+    """The limit of mission time [s] that a preset and settings of it amount to; None where they are not (any
+    more) those of a mission: records outlive versions."""
     return _time_limit_s(preset_source, tuple(sorted(overrides.items())))
 
 
 @functools.lru_cache(maxsize=256)
-def _time_limit_s(preset_source: str, overrides: tuple[tuple[str, str], ...]) -> float:
-    return resolve_mission_config(preset_source, dict(overrides)).limits.max_time_s
+def _time_limit_s(preset_source: str, overrides: tuple[tuple[str, str], ...]) -> float | None:
+    try:
+        return resolve_mission_config(preset_source, dict(overrides)).limits.max_time_s
+    except ConfigError:
+        return None
 
 
 def _unknown(field: str, value: str, allowed: list[str]) -> dict[str, Any]:

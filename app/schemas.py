@@ -154,8 +154,9 @@ class MissionDetail(MissionSummary):
     """The view that waits for the operator's word, if one does."""
     plan: dict[str, Any] | None
     """The newest `plan` event, candidates included."""
-    time_limit_s: float
-    """Mission time at which it ends although there is more to see [s]: as ordered, or else the preset's."""
+    time_limit_s: float | None
+    """Mission time at which it ends although there is more to see [s]: as ordered, or else the preset's; none
+    for a mission of an earlier version whose settings are not known any more."""
     view_sequence: int
     """Number of the newest view; images and the 3D scene show it. 0 = none yet."""
     last_sequence: int

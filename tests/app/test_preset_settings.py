@@ -3,6 +3,7 @@
 import jsonschema
 import pytest
 
+from app.catalogue import time_limit_s
 from hgs_core.config.presets import preset_names
 from hgs_core.mission.config import resolve_mission_config
 from hgs_core.mission.settings_schema import planner_names, settings_schema
@@ -50,6 +51,13 @@ def test_a_saved_preset_has_its_own_values(service):
     assert mission["time_limit_s"] == 30
     mission = client.post("/api/v1/missions", json={"preset": "mine", "max_time_s": 12}).json()
     assert mission["time_limit_s"] == 12
+
+
+def test_a_mission_of_settings_that_are_no_more_can_still_be_looked_at():
+    """A record of an earlier version: nothing is said of its limit, and nothing fails."""
+    assert time_limit_s("quick", {"limits.max_time_s": "30"}) == 30
+    assert time_limit_s("quick", {"mapping.setting_of_old": "1"}) is None
+    assert time_limit_s("a preset of old", {}) is None
 
 
 def test_every_refused_setting_is_named_by_its_path(service):

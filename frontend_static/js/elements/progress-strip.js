@@ -40,8 +40,8 @@ class ProgressStrip extends Part {
     if (view.past) return "looking at the past";
     if (!store.active || !store.figures) return "–";
     const range = timeLeft(store.series.time_s, store.series.missing_volume_m3);
-    if (!range) return "no estimate yet: what is missing does not fall steadily";
-    const limit = Math.max(0, store.mission.time_limit_s - store.figures.time_s);
+    if (!range) return "no estimate yet: no steady trend";
+    const limit = Math.max(0, (store.mission.time_limit_s ?? Infinity) - store.figures.time_s);
     if (range[0] > limit) return `${clock(limit)} to the time limit, before all is seen (estimate)`;
     const [least, most] = range.map((seconds) => Math.min(seconds, limit));
     if (most < 20) return "nearly done (estimate)";
