@@ -44,7 +44,7 @@ class MissionForm extends Part {
     this.submit = element("button", { type: "submit", class: "primary wide", id: "launch" }, "Start mission");
     const form = element(
       "form",
-      { autocomplete: "off" },
+      { autocomplete: "off", novalidate: true },
       field("Scene", this.scene, "wide"),
       field("Preset", this.preset, "wide"),
       field("Seed", this.seed),
@@ -128,6 +128,7 @@ class MissionForm extends Part {
   async #launch() {
     this.problem.textContent = "";
     for (const input of [this.scene, this.preset, this.seed, this.limit, this.clock]) input.removeAttribute("aria-invalid");
+    if (![this.seed, this.limit].every((input) => input.reportValidity())) return;
     if (this.more.open && !this.settings.valid) {
       this.problem.textContent = "A setting below is not allowed.";
       this.settings.querySelector("[aria-invalid=true]").focus();
