@@ -13,6 +13,7 @@ constexpr double kDeeper = 0.02;    // cells: rounding, and what turning out of 
 constexpr double kLeaving = 8.0;    // cells from where the body stands: so far it may be slimmer
 constexpr double kSlimStep = 0.1;   // cells
 constexpr int kSlimSteps = 4;
+constexpr double kSwing = 0.2;      // cells beyond: a corner swings out when the body turns away from what is beside it
 
 }  // namespace
 
@@ -32,6 +33,7 @@ void CarSpace::forgive(const Pose& standing) {
   standing_ = standing;
   slim_ = 0.0;
   for (int k = 0; k < kSlimSteps && meets(standing, slim_); ++k) slim_ += kSlimStep;
+  if (slim_ > 0.0) slim_ += kSwing;
   for_each_met(standing, slim_, [&](int32_t cell) {
     if (cell < 0) {
       forgiven_outside_ = true;

@@ -18,6 +18,7 @@ from pydantic import Field
 from hgs_core.config.base import StrictConfig
 from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationGrid
+from hgs_core.planning.path_search import ENTRY_RADII_M
 from hgs_core.robot.ackermann import AckermannConfig
 from hgs_core.robot.path import Path
 
@@ -104,6 +105,16 @@ class CarWays:
             )
             * np.float32(grid.size_m)
         )
+
+    def entries(self) -> tuple[Int[ndarray, " n"], Float[ndarray, " n"]]:
+        """Cells around the car that it can get to and a disc has room in, and what they cost it [m].
+
+        All of them, not only the nearest: it may stand where no disc has room, beside a pocket of cells that
+        a disc could not leave.
+        """
+        passable = self._grid.passable & self.reach.anyhow
+        cells = self._grid.cells_within(passable, self._standing_m[:2], ENTRY_RADII_M[-1])
+        return cells, self.reach.cost_m.reshape(-1, _HEADINGS)[cells].min(axis=1).astype(np.float64)
 
     def may_stand(
         self, cells: Int[ndarray, " n"], places_m: Float[ndarray, "n 2"], yaws_rad: Float[ndarray, " n_yaws"]

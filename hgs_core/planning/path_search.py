@@ -107,8 +107,17 @@ def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachF
     straight line without coming nearer to anything than it is now, or than its radius. When it stands closer
     than its radius to something just seen, that is the shortest way out: any line that never comes nearer.
     """
+    return reach_from_cells(grid, robot_xy_m, *entries_near(grid, robot_xy_m))
+
+
+def reach_from_cells(
+    grid: NavigationGrid,
+    robot_xy_m: Float[ndarray, " 2"],
+    seeds: Int[ndarray, " n"],
+    costs: Float[ndarray, " n"],
+) -> ReachField:
+    """The same through given passable cells, which it takes so much to come to [m]."""
     here = float(grid.path_clearance_m(robot_xy_m[None])[0])
-    seeds, costs = entries_near(grid, robot_xy_m)
     distance, parent = kernels.grid_dijkstra(grid.cost, seeds.astype(np.int32), costs / grid.size_m)
     return ReachField(
         origin_m=robot_xy_m,

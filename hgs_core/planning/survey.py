@@ -23,7 +23,7 @@ from hgs_core.planning.focus import Focus
 from hgs_core.planning.low_obstacles import TouchMemory
 from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_grid
 from hgs_core.planning.path_budget import PathBudget
-from hgs_core.planning.path_search import reach_from
+from hgs_core.planning.path_search import reach_from, reach_from_cells
 from hgs_core.planning.plan import Candidate, CandidateStatus, Plan, UnseenReason, UnseenRegion
 from hgs_core.planning.pursuit import Pursuit
 from hgs_core.planning.subspaces import SubspacePartition, horizon_around
@@ -119,14 +119,15 @@ class Survey:
             touched_m=self._touches.points_m,
             forbidden=self._zones.forbidden(voxels),
         )
-        reach = reach_from(grid, here)
-        reachable, car = reach.reachable, None
+        car = None
         if isinstance(self.context.robot, AckermannConfig):
             pose = np.array([robot.x_m, robot.y_m, robot.yaw_rad])
             car = CarWays(grid, self.context.robot, self.config.kinodynamic, pose)
-            reachable = reachable & car.reach.anyhow
         self.scorer.car = car
-        is_place = reachable & self._in_bounds(grid)
+        reach = reach_from(grid, here) if car is None else reach_from_cells(grid, here, *car.entries())
+        is_place = reach.reachable & self._in_bounds(grid)
+        if car is not None:
+            is_place &= car.reach.anyhow
         inside = self._zones.inside(voxels)
         if inside is not None:
             self._region_reached |= bool((is_place & inside).any())

@@ -8,6 +8,7 @@ import pytest
 from hgs_core.native import kernels
 from hgs_core.planning.car_ways import CarWays, KinodynamicConfig, body_of, poses_free
 from hgs_core.planning.navigation_grid import NavigationGrid
+from hgs_core.planning.path_search import reach_from_cells
 from hgs_core.robot.ackermann import Ackermann, AckermannConfig, driven_arcs
 from tests.planning.floors import grid_of, room
 
@@ -187,3 +188,29 @@ def test_a_dead_end_is_left_backwards():
     gears, lengths, _ = driven_arcs(path.positions_m, path.headings_rad)
     assert lengths[gears < 0].sum() > 1.5
     assert np.count_nonzero(np.diff(gears)) <= 2
+
+
+def test_a_car_that_backed_up_to_a_wall_still_reaches_the_room():
+    voxels = room(50, 40)
+    voxels.states[5:7, 10:30] = 2  # beside it a pocket that a disc could not leave
+    voxels.note_change()
+    grid = grid_of(voxels)
+    start = np.array([0.84, 2.0, 0.0])  # its rear 4 cm from the boxes: closer than a disc could stand
+    ways = CarWays(grid, CAR, CONFIG, start)
+    reach = reach_from_cells(grid, start[:2], *ways.entries())
+    assert reach.escaping
+    corner = int(grid.cells_of(np.array([[4.2, 3.2]]))[0][0])
+    assert np.isfinite(reach.distance_m.ravel()[corner])
+    assert ways.reach.anyhow.ravel()[corner]
+
+
+def test_a_car_that_stands_too_near_to_a_wall_drives_off_along_it():
+    grid = grid_of(room(50, 30))
+    start = np.array([1.0, 0.29, 0.0])  # a centimetre between its side and the wall: less than the margin
+    ways = CarWays(grid, CAR, CONFIG, start)
+    assert not ways.poses_free(start[None])[0]
+    path = ways.way(start, np.array([3.0, 1.5]), np.array([0.0]))
+    assert path is not None
+    assert path.headings_rad is not None
+    poses = np.column_stack([path.positions_m, path.headings_rad])
+    assert poses_free(grid, body_of(CAR, -0.015), poses, standing=np.zeros((0, 3))).all()
