@@ -29,24 +29,26 @@ class _Outbox:
         return taken
 
 
-def zipped(files: Mapping[str, Path]) -> Iterator[bytes]:
-    """A ZIP of `files`, names inside by key. Stored: maps and images hardly shrink, and time is dearer.
+def zipped(files: Mapping[str, Path | bytes], *, compressed: bool = False) -> Iterator[bytes]:
+    """A ZIP of `files` (or contents), names inside by key. Stored unless `compressed`: maps and images hardly
+    shrink, and time is dearer.
 
     A file that vanishes before its turn is left out; one that grows meanwhile comes as far as it is then.
     """
-    outbox = _Outbox()
-    with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:  # type: ignore[call-overload]
+    outbox, method = _Outbox(), zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(outbox, "w", method) as archive:  # type: ignore[call-overload]
         for name, path in files.items():
+            if isinstance(path, bytes):
+                archive.writestr(name, path)
+                yield outbox.take()
+                continue
             try:
                 source = path.open("rb")
             except FileNotFoundError:
                 continue
-            with (
-                source,
-                archive.open(
-                    zipfile.ZipInfo.from_file(path, name, strict_timestamps=False), "w", force_zip64=True
-                ) as entry,
-            ):
+            about = zipfile.ZipInfo.from_file(path, name, strict_timestamps=False)
+            about.compress_type = method
+            with source, archive.open(about, "w", force_zip64=True) as entry:
                 while piece := source.read(_PIECE):
                     entry.write(piece)
                     yield outbox.take()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
+from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
 from typing import Any, Final
 
@@ -11,9 +13,13 @@ import anyio
 from starlette.concurrency import run_in_threadpool
 
 from app.missions.mission import Mission
+from app.storage.missions import Event
 
 QUIET_S: Final = 5.0
 """A quiet stream says `alive` so often, so that a page can tell silence from a lost connection."""
+
+
+_TEXTS_KEPT: Final = 64
 
 
 class Streams:
@@ -24,6 +30,7 @@ class Streams:
         self._ended = False
         self._readers: set[asyncio.Event] = set()
         self._on_skipped = on_skipped
+        self._texts: OrderedDict[tuple[str, int], str] = OrderedDict()
 
     @property
     def ended(self) -> bool:
@@ -34,6 +41,19 @@ class Streams:
         self._ended = True
         for changed in self._readers:
             changed.set()
+
+    def text(self, mission_id: str, event: Event) -> str:
+        """The event as JSON, written once for all who read it: a plan's candidates take their time."""
+        number = event.get("sequence")
+        if number is None:
+            return json.dumps(event, allow_nan=False)
+        key = (mission_id, number)
+        known = self._texts.get(key)
+        if known is None:
+            known = self._texts[key] = json.dumps(event, allow_nan=False)
+            if len(self._texts) > _TEXTS_KEPT:
+                self._texts.popitem(last=False)
+        return known
 
     async def pause(self, seconds: float) -> None:
         """Wait so long, or until streams end."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import json
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from typing import Annotated, Any
 
 import anyio
@@ -83,17 +82,21 @@ async def stream_server_sent_events(
     events = streams.follow(mission, cursor, allowed=lambda: rules.holds(principal))
     # Not FastAPI's own EventSourceResponse: its queues raise when a reader leaves.
     return StreamingResponse(
-        _encoded(events, metrics), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
+        _encoded(events, metrics, lambda event: streams.text(mission.id, event)),
+        media_type="text/event-stream",
+        headers={"X-Accel-Buffering": "no"},
     )
 
 
-async def _encoded(events: AsyncGenerator[dict[str, Any]], metrics: Metrics) -> AsyncIterator[bytes]:
+async def _encoded(
+    events: AsyncGenerator[dict[str, Any]], metrics: Metrics, text: Callable[[dict[str, Any]], str]
+) -> AsyncIterator[bytes]:
     async with contextlib.aclosing(events):
         with metrics.subscriber("sse"):
             async for event in events:
                 number = event.get("sequence")
                 yield format_sse_event(
-                    data_str=json.dumps(event, allow_nan=False),
+                    data_str=text(event),
                     id=str(number) if number is not None else None,
                     event="alive" if number is None else None,
                 )
@@ -135,7 +138,7 @@ async def stream_events(
             events = streams.follow(mission, int(wish), allowed=lambda: rules.holds(principal))
             async with contextlib.aclosing(events):
                 async for event in events:
-                    await websocket.send_text(json.dumps(event, allow_nan=False))
+                    await websocket.send_text(streams.text(mission.id, event))
             code = status.WS_1012_SERVICE_RESTART if streams.ended else 4401
             await websocket.close(code=code, reason="the service ends" if streams.ended else "log in again")
         group.cancel_scope.cancel()

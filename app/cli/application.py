@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from app.cli.bench import bench
 from app.cli.bench_reference import reference
+from app.cli.bundle import bundle
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.evaluate import evaluate
 from app.cli.exit_codes import ExitCode
@@ -61,6 +62,7 @@ application.command()(scenes)
 application.command()(presets)
 application.command()(serve)
 application.command()(token)
+application.command()(bundle)
 bench.command()(reference)
 application.add_typer(bench, name="bench")
 

@@ -101,6 +101,11 @@ class Mission:
         return supervisor.pid if supervisor is not None and self.state.active else None
 
     @property
+    def folder(self) -> Path:
+        """Where all its files lie."""
+        return self._folder
+
+    @property
     def results_dir(self) -> Path:
         return self._folder / "run"
 

@@ -84,7 +84,7 @@ def test_operations_have_stable_names(description):
             *("getMetrics", "listEvents", "streamEvents", "getImage", "listResults", "getResult"),
             *("downloadResults", "getTopView", "getTopViewImage"),
             *("listMoments", "getMoment", "getMomentTopView", "getMomentImage"),
-            *("pinMission", "unpinMission"),
+            *("pinMission", "unpinMission", "downloadBundle"),
             *("getSystem", "listAudit", "getHealth", "getReadiness", "getServiceMetrics"),
         ]
     )
