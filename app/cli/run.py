@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,6 +45,22 @@ def run(
             show_default="the preset's, lockstep",
         ),
     ] = None,
+    region: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Only what lies in this outline is worth seeing: [[x, y], ...] in metres.",
+            show_default=False,
+        ),
+    ] = None,
+    no_go: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="No part of the robot enters these areas: a list of outlines, [[[x, y], ...], ...].",
+            show_default=False,
+        ),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
@@ -57,11 +74,14 @@ def run(
     Exit codes:
     0 - the mission is complete;
     2 - an option, preset or scene is wrong, and nothing was run;
-    3 - the mission ended before all was seen (time limit, or stuck);
+    3 - the mission ended before all was seen (time limit, path budget, or stuck);
     4 - the mission failed on its way, or its folder could not be written;
     130 - it was interrupted.
     """
     overrides = parse_settings(settings or [])
+    for option, name, file in (("--region", "region", region), ("--no-go", "no_go", no_go)):
+        if file is not None:
+            overrides[f"directives.{name}"] = _json_in(file, option)
     from hgs_core.mission import run as mission  # takes seconds to import: not for --help and wrong options
 
     request = mission.MissionRequest(
@@ -88,6 +108,14 @@ def run_and_tell(request: MissionRequest) -> ExitCode:
     OUTPUT.print(report_table(report))
     OUTPUT.print(f"results: {request.out}", highlight=False, soft_wrap=True)
     return exit_code_of(report.stop_reason)
+
+
+def _json_in(file: Path, option: str) -> str:
+    """The JSON in a file, as the value of a setting; what it says is checked with the other settings."""
+    try:
+        return json.dumps(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError) as error:
+        raise typer.BadParameter(f"{file} cannot be read as JSON: {error}", param_hint=option) from error
 
 
 def parse_settings(settings: list[str]) -> dict[str, str]:

@@ -213,13 +213,18 @@ class Mission:
             self._require("direct", DIRECTABLE)
             overrides = with_directives(self._record.overrides, directives)
             record = self._record.model_copy(update={"overrides": overrides})
-            if self._supervisor is not None:
+            if self._supervisor is not None and self.state.active:
                 self._store.save([], record, self.id)
                 self._supervisor.send(as_text(Direct(directives=directives)))
             else:
                 told = {"kind": "directives", "directives": directives.model_dump(mode="json")}
                 self.log.append({"received_at": time.time(), **told}, record)
             self._record = record
+
+    def _ask_again(self) -> None:
+        """A checkpoint may be older than what was asked last, and no-go areas must not be forgotten."""
+        if self._supervisor is not None and self.log.newest("directives") is not None:
+            self._supervisor.send(as_text(Direct(directives=self.directives)))
 
     def decide(self, decision: Decide) -> None:
         """Pass on the operator's word. Raises `Conflict` unless the view of that plan waits for it, and
@@ -292,6 +297,7 @@ class Mission:
                 event["view_sequence"] = self.view_sequence
             if event["kind"] == "resumed":
                 self._go_on_from(float(event["time_s"]))
+                self._ask_again()
             shown = in_degrees(event)
             is_new = not self._repeats.holds(shown)
             if is_new:

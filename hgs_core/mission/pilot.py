@@ -56,6 +56,9 @@ class Ending:
     message: str
     unseen: tuple[UnseenRegion, ...]
 
+    def state(self) -> dict[str, Any]:
+        return asdict(self)
+
     @staticmethod
     def restore(state: dict[str, Any]) -> Ending:
         unseen = tuple(UnseenRegion.restore(entry) for entry in state["unseen"])
@@ -230,7 +233,7 @@ class Pilot:
             "awaits_approval": self._awaits_approval,
             "why_replan": self._why_replan,
             "detour": None if detour is None else detour.state(),
-            "ending": None if ending is None else asdict(ending),
+            "ending": None if ending is None else ending.state(),
             "navigator": self._navigator.state(),
             "missing_volume_m3": self.missing_volume_m3,
             "idle_plans": self._idle_plans,

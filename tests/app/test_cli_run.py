@@ -109,7 +109,7 @@ def test_the_exit_code_tells_how_the_mission_ended(
     missions: Callable[[RunMission], None], reason: StopReason
 ) -> None:
     missions(lambda request, **_: report(reason))
-    expected = {"complete": 0, "interrupted": 130, "time_limit": 3, "stuck": 3, "failed": 4}
+    expected = {"complete": 0, "interrupted": 130, "time_limit": 3, "stuck": 3, "path_budget": 3, "failed": 4}
     assert hgs(*RUN).exit_code == expected[reason] == exit_code_of(reason)
 
 

@@ -19,15 +19,16 @@ from hgs_core.planning.navigator import AT_GOAL_M, Navigator
 from hgs_core.planning.path_search import reach_from
 from hgs_core.planning.plan import NothingLeft, Plan, Planner, UnseenReason
 from hgs_core.planning.zones import TOLERANCE_M, Zones
+from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.path import Path
-from hgs_core.robot.robot import RobotConfig, RobotState
+from hgs_core.robot.robot import RobotState
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 from tests.planning.baselines.worlds import gain_first, gs_planner, random_views
 from tests.planning.closed_loop import ClosedMission, new_planner, run_mission
 from tests.planning.closed_world import ClosedWorld, PointRobot, new_voxels, three_rooms
 from tests.planning.floors import grid_of, room
 
-RADIUS_M = RobotConfig().radius_m
+RADIUS_M = DifferentialConfig().radius_m
 START = (1.5, 1.2, 0.0)
 START_M = np.array(START[:2])
 PLANNERS: dict[str, Callable[[ClosedWorld], Planner]] = {
@@ -63,7 +64,7 @@ def snapshot_of(voxels: VoxelMap) -> MapSnapshot:
 
 
 def navigator(**asked: object) -> Navigator:
-    found = Navigator(HierarchicalConfig(), RobotConfig())
+    found = Navigator(HierarchicalConfig(), DifferentialConfig())
     found.obey(Directives.model_validate(asked))
     return found
 
