@@ -342,7 +342,7 @@ class Pilot:
         snapshot, state, goal_m = self._mapper.snapshot(), self._robot.state, leg.positions_m[-1]
         if self._directives.return_to_start:
             back_m = self._navigator.length_m(snapshot, state, goal_m, self._start_m)
-            left_m -= float(with_reserve(np.array(back_m)))
+            left_m -= float(with_reserve(np.array([back_m]))[0])
         if leg.length_m <= left_m:
             return plan
         way = self._navigator.way_to(snapshot, state, goal_m, left_m)
