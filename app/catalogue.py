@@ -128,6 +128,7 @@ class Catalogue:
             seed=wish.seed,
             max_time_s=wish.max_time_s,
             clock=wish.clock,
+            extends=wish.extends,
             overrides=without_directives(overrides),
             directives=directives,
         )

@@ -44,6 +44,11 @@ class MissionCreate(ApiModel):
     """`lockstep`: repeatable; `real`: mapper and planner must keep up with the robot. None: the preset's."""
     overrides: Overrides = Field(default_factory=dict)
     """Settings that differ from the preset, `key.path = value`."""
+    extends: str | None = Field(
+        None, pattern=r"^[A-Za-z0-9-]{1,64}$", examples=["20260102-030405-1a2b3c4d5e6f"]
+    )
+    """A finished mission in the same scene with the same sensors: this one begins with its maps, and visits
+    what is missing alone."""
     directives: Directives | None = None
     """What is asked of the mission from its beginning; none: what the preset and the overrides ask."""
 
@@ -120,6 +125,8 @@ class MissionSummary(ApiModel):
     max_time_s: float | None
     clock: ClockKind | None
     """As ordered; none: the preset's."""
+    extends: str | None
+    """The mission whose maps it begins with."""
     overrides: dict[str, str]
     """Settings that differ from the built-in preset, a saved preset's among them."""
     created_by: str

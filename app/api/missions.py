@@ -117,7 +117,9 @@ def create_mission(
     mission = service.replay(once) if once is not None else None
     is_new = False
     if mission is None:
-        mission, is_new = service.create(catalogue.order(wish), idempotency=once, created_by=principal.name)
+        order = catalogue.order(wish)
+        service.check_extended(order)
+        mission, is_new = service.create(order, idempotency=once, created_by=principal.name)
     if not is_new:
         response.status_code = status.HTTP_200_OK
     response.headers["Location"] = f"/api/v1/missions/{mission.id}"

@@ -25,6 +25,7 @@ _DESCRIPTIONS = {
     "trajectory.txt": "Driven path, TUM format",
     "map.ply": "Gaussian map, opens in common splat viewers",
     "mesh.ply": "Surface mesh with coloured vertices",
+    "exploration.npz": "Voxels and the planner's memory, for missions that extend the map",
     "transforms.json": "Cameras and images of the keyframes, nerfstudio layout",
     "process.log": "Output of the mission process",
 }

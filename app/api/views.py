@@ -40,6 +40,7 @@ def _common(mission: Mission) -> dict[str, Any]:
         "seed": record.seed,
         "max_time_s": record.max_time_s,
         "clock": record.clock,
+        "extends": record.extends,
         "overrides": without_directives(record.overrides),
         "state": record.state,
         "reason": record.reason,

@@ -37,10 +37,10 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
     """
     from hgs_core.evaluation.mission import evaluate_mission
     from hgs_core.evaluation.report import MissionReport
-    from hgs_core.evaluation.trajectory import read_trajectory
     from hgs_core.gaussians.ply import read_ply
     from hgs_core.mapping.mesh_file import read_mesh
     from hgs_core.mission.finished_run import FinishedRun
+    from hgs_core.mission.old_map import training_poses
     from hgs_core.native import kernels
 
     run = FinishedRun.open(folder)
@@ -48,7 +48,7 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
     report = MissionReport.read(folder / "report.json")
     gaussians = read_ply(folder / "map.ply")
     mesh = read_mesh(folder / "mesh.ply") if (folder / "mesh.ply").is_file() else None
-    trajectory = read_trajectory(folder / "trajectory.txt")
+    seen_from = training_poses(folder)
     kernels.set_threads(config.threads)
     progress(f"opening {run.scene}")
     scene = run.open_scene()
@@ -58,7 +58,7 @@ def evaluate_folder(folder: Path, *, progress: Any) -> MissionReport:
         start_xy=run.start_xy,
         gaussians=gaussians,
         mesh=mesh,
-        training_poses=trajectory.poses,
+        training_poses=seen_from,
         intrinsics=config.sensor.camera.intrinsics(),
         camera_height_m=config.sensor.camera.mount_height_m,
         range_m=config.sensor.camera.range_m,

@@ -61,6 +61,15 @@ def run(
             show_default=False,
         ),
     ] = None,
+    extend: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Begin with the maps of a finished run of the same scene and sensors: only what is missing "
+            "is visited.",
+            show_default=False,
+        ),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
@@ -93,6 +102,7 @@ def run(
         max_time_s=max_time,
         overrides=overrides,
         clock=str(clock) if clock is not None else None,
+        extends=extend,
     )
     raise typer.Exit(run_and_tell(request))
 

@@ -49,6 +49,8 @@ class ChildTask:
     max_time_s: float | None
     clock: str | None
     overrides: dict[str, str]
+    extends: str | None
+    """Folder of the run whose maps it begins with."""
     threads: int
     log_file: str
     log_style: str
@@ -100,6 +102,7 @@ def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: 
             max_time_s=task.max_time_s,
             clock=task.clock,
             overrides=dict(task.overrides),
+            extends=Path(task.extends) if task.extends is not None else None,
             resume=True,
         )
         run(

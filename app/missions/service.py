@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.errors import Conflict, NotFound, Unavailable
+from app.errors import Conflict, Invalid, NotFound, Unavailable
 from app.missions.child import ChildTask
 from app.missions.directives import with_directives
 from app.missions.display import DisplayView, slot_bytes
@@ -22,8 +22,10 @@ from app.missions.transport import ArraySlot
 from app.settings import Settings
 from app.storage.missions import MissionStore
 from app.storage.tables import MissionRecord
+from hgs_core.errors import HgsError
 from hgs_core.mission.clock import ClockKind
 from hgs_core.mission.commands import Decide
+from hgs_core.mission.config import resolve_mission_config
 from hgs_core.planning.directives import Directives
 
 log = logging.getLogger(__name__)
@@ -49,6 +51,8 @@ class MissionOrder:
     max_time_s: float | None
     clock: ClockKind | None = None
     overrides: dict[str, str] = field(default_factory=dict)
+    extends: str | None = None
+    """The mission whose maps it begins with."""
     directives: Directives = Directives()
     """As ordered, or else the preset's; `overrides` have none."""
 
@@ -99,6 +103,19 @@ class MissionService:
                 mission.enqueue("resume", "resumed by the service, which has started again")
         self._start_queued()
 
+    def check_extended(self, order: MissionOrder) -> None:
+        """Raises `Invalid` where the order extends a mission whose maps it cannot begin with."""
+        if order.extends is None:
+            return
+        from hgs_core.mission.old_map import OldMap  # not for a service that extends nothing
+
+        try:
+            config = resolve_mission_config(order.preset_source, order.overrides)
+            OldMap.check(self.get(order.extends).results_dir, order.scene_source, config)
+        except HgsError as error:
+            problem = {"field": "extends", "value": order.extends, "message": str(error)}
+            raise Invalid(str(error), errors=[problem]) from error
+
     def replay(self, idempotency: Idempotency) -> Mission | None:
         """The mission that this key made before; None for a new key.
 
@@ -135,6 +152,7 @@ class MissionService:
                 seed=order.seed,
                 max_time_s=order.max_time_s,
                 clock=order.clock,
+                extends=order.extends,
                 overrides=with_directives(order.overrides, order.directives),
                 idempotency_key=idempotency.key if idempotency is not None else None,
                 request_digest=idempotency.digest if idempotency is not None else None,
@@ -305,6 +323,9 @@ class MissionService:
         if mission.state.ended:
             self._unfinished.pop(mission.id, None)
 
+    def _results_of(self, mission_id: str | None) -> str | None:
+        return None if mission_id is None else str(self.get(mission_id).results_dir)
+
     def _launch(self, mission: Mission) -> Supervisor:
         self._make_room()
         record, display = mission.record, self._settings.display
@@ -319,6 +340,7 @@ class MissionService:
             max_time_s=record.max_time_s,
             clock=str(record.clock) if record.clock is not None else None,
             overrides=record.overrides,
+            extends=self._results_of(record.extends),
             threads=self._settings.threads_per_mission,
             log_file=str(mission.log_file),
             log_style=str(self._settings.logs.style),

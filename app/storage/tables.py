@@ -79,6 +79,8 @@ class MissionRecord(SQLModel):
     max_time_s: float | None
     clock: ClockKind | None = Field(default=None, sa_type=_ClockText)
     """None = the preset's."""
+    extends: str | None = Field(default=None, max_length=64)
+    """The mission whose maps it begins with."""
     overrides: dict[str, str] = Field(sa_type=JSON)
     """As run: the saved preset's, then the mission's own."""
     idempotency_key: str | None = Field(max_length=200)

@@ -56,6 +56,8 @@ class MissionReport(ReportPart):
     """The mission preset's name; null in reports of earlier versions."""
     planner: str
     """The planner's name: the mission's preset unless a planner was named."""
+    extends: str | None = None
+    """Folder of the run whose maps the mission began with; path and time are of this mission alone."""
     stop_reason: str
     """complete, interrupted, time_limit, stuck or failed."""
     stop_message: str = ""
@@ -230,6 +232,7 @@ class MissionReport(ReportPart):
         threads: int,
         completion_curve: Sequence[CurvePoint] = (),
         curve_wall_s: float | None = None,
+        extends: str | None = None,
         evaluation: EvaluationResult | None,
     ) -> MissionReport:
         """Put a mission's facts and its evaluation together.
@@ -244,6 +247,7 @@ class MissionReport(ReportPart):
             seed=seed,
             preset=preset,
             planner=planner,
+            extends=extends,
             stop_reason=stop_reason,
             stop_message=stop_message,
             wall_s=wall_s,

@@ -50,6 +50,11 @@ class KeyframeArchive:
     def timestamps_s(self) -> Float[ndarray, " n_keyframes"]:
         return self._transforms.timestamps_s
 
+    def files(self, index: int) -> tuple[Path, Path]:
+        """Where its colour and its depth lie."""
+        names = self._transforms.colour_paths[index], self._transforms.depth_paths[index]
+        return self._folder / names[0], self._folder / names[1]
+
     def load(self, index: int) -> TrainingImage:
         """A keyframe at full resolution.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -104,6 +106,11 @@ class KeyframeStore:
             translation=np.array([pose.translation for pose in self._poses]).reshape(-1, 3),
         )
 
+    @property
+    def inherited(self) -> list[SE3]:
+        """`T_world_camera` of those that another run has taken, in order."""
+        return [pose for pose, stamp in zip(self._poses, self._timestamps_s, strict=True) if stamp < 0]
+
     def add(self, image: TrainingImage, frame: Frame) -> int:
         """Store a keyframe, `image` being made from `frame`; returns its index.
 
@@ -123,6 +130,21 @@ class KeyframeStore:
         self._timestamps_s.append(frame.timestamp_s)
         self._index_pose(image.T_world_camera)
         return index
+
+    def inherit(
+        self, image: TrainingImage, camera: CameraIntrinsics, *, colour: Path, depth: Path, timestamp_s: float
+    ) -> None:
+        """Store a keyframe that another run kept: its halved `image`, the `camera` at full resolution, and
+        its two files, which are shared with that run where the disk allows."""
+        self._camera = camera
+        index = len(self)
+        for given, name in ((colour, colour_name(index)), (depth, depth_name(index))):
+            _share(given, self._folder / name)
+        np.save(self._working / f"{index:06d}_rgb.npy", image.rgb)
+        np.save(self._working / f"{index:06d}_depth.npy", encode_depth(image.depth_m, self._depth_unit_m))
+        self._poses.append(image.T_world_camera)
+        self._timestamps_s.append(timestamp_s)
+        self._index_pose(image.T_world_camera)
 
     def load(self, index: int) -> TrainingImage:
         """The halved image of a keyframe, from the working files."""
@@ -222,6 +244,15 @@ class KeyframeStore:
         row = np.concatenate([inverse.rotation, inverse.translation[:, None]], axis=1)
         self._world_to_camera = np.concatenate([self._world_to_camera, row[None]])
         self._positions_m = np.concatenate([self._positions_m, pose.translation[None]])
+
+
+def _share(given: Path, wanted: Path) -> None:
+    """Give a file that never changes a second name; a copy where the file system cannot."""
+    wanted.unlink(missing_ok=True)
+    try:
+        os.link(given, wanted)
+    except OSError:
+        shutil.copyfile(given, wanted)
 
 
 def _surface_probes(image: TrainingImage) -> Float[ndarray, "n 3"]:

@@ -22,6 +22,7 @@ from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.density import SurfaceDensity
 from hgs_core.mapping.depth_filter import training_image
 from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
+from hgs_core.mapping.keyframe_archive import KeyframeArchive
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
 from hgs_core.mapping.redundancy import foretold_psnr, is_near, moved_and_turned, predicted_psnr
 from hgs_core.mapping.replay import Replay
@@ -160,6 +161,36 @@ class Mapper:
         self.gaussians.version += 1
         self.gaussians.refresh_blocks()
         return 0
+
+    def begin_with(
+        self, gaussians: GaussianMap, voxels: VoxelMap, keyframes: KeyframeArchive, *, seen_from: SE3
+    ) -> None:
+        """Go on from the maps and keyframes of another run, of the same primitive, voxels and camera, that
+        has integrated frames from `seen_from` (batched poses).
+
+        Its Gaussians count as settled: their centres are averaged of as much as ever counts, and their
+        information is that of those frames. Keyframes lie before time 0.
+        """
+        size, camera = gaussians.size, keyframes.intrinsics
+        gaussians.n_depth_observations[:size] = self.config.fusion.max_observations
+        far_m = self._camera_range_m + kernels.BEHIND_M
+        for k in range(len(seen_from.translation)):
+            pose = seen_from[k]
+            accumulate_information(gaussians, camera, pose, far_m=far_m)
+        self.gaussians, self.voxels = gaussians, voxels
+        last_s = float(np.max(keyframes.timestamps_s))
+        for index in range(len(keyframes)):
+            colour, depth = keyframes.files(index)
+            self.keyframes.inherit(
+                keyframes.load_halved(index),
+                camera,
+                colour=colour,
+                depth=depth,
+                timestamp_s=float(keyframes.timestamps_s[index]) - last_s - 1.0,
+            )
+        self._density.recount(
+            gaussians.parameters[:size], voxels, min_logit_opacity=_logit(self.config.prune_opacity)
+        )
 
     def state(self) -> dict[str, Any]:
         """Everything that later frames depend on; to be taken between two frames, after `optimise`."""

@@ -17,7 +17,9 @@ from hgs_core.mission.config import MissionConfig
 from hgs_core.mission.curve_recorder import CurveRecorder
 from hgs_core.mission.events import MissionObserver
 from hgs_core.mission.mission import Mission
+from hgs_core.mission.old_map import OldMap
 from hgs_core.planning.navigator import Navigator
+from hgs_core.planning.plan import Planner
 from hgs_core.planning.registry import build_planner
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.robot.vehicle import vehicle_of
@@ -35,6 +37,7 @@ class MissionParts:
     world: SimulatedWorld
     mapper: Mapper
     mission: Mission
+    planner: Planner
     curve: CurveRecorder | None
     """Records how complete the map is meanwhile, where that is wanted."""
 
@@ -63,6 +66,7 @@ def build_mission(
     observer: MissionObserver,
     commands: CommandSource,
     why_wait: Callable[[], str | None] = lambda: None,
+    old_map: OldMap | None = None,
 ) -> MissionParts:
     """Open the scene and put everything together. The only place that knows both maps and simulator.
 
@@ -95,13 +99,16 @@ def build_mission(
     curve = None
     if config.curve_interval_m > 0:
         observer = curve = CurveRecorder.of(scene, config, mapper=mapper, clock=clock, observer=observer)
+    planner = build_planner(config.planner, context)
+    if old_map is not None:
+        old_map.begin(mapper, planner, config)
     mission = Mission(
         robot=world.robot,
         vehicle=vehicle_of(config.robot),
         sensor=world.camera,
         scanner=world.scanner,
         mapper=mapper,
-        planner=build_planner(config.planner, context),
+        planner=planner,
         planner_rng=np.random.default_rng(planner_seed),
         limits=config.limits,
         clock=clock,
@@ -111,7 +118,9 @@ def build_mission(
         directives=config.directives,
         why_wait=why_wait,
     )
-    return MissionParts(scene=scene, world=world, mapper=mapper, mission=mission, curve=curve)
+    return MissionParts(
+        scene=scene, world=world, mapper=mapper, mission=mission, planner=planner, curve=curve
+    )
 
 
 def build_mapper(

@@ -36,6 +36,8 @@ class FinishedRun:
     planner: str = ""
     """Its planner's name, or its preset's."""
     seed: int = 0
+    extends: str | None = None
+    """Folder of the run whose maps it began with."""
 
     @staticmethod
     def is_described(folder: Path) -> bool:
@@ -44,7 +46,13 @@ class FinishedRun:
 
     def asked_for(self) -> dict[str, Any]:
         """What was asked of the mission besides its settings, by the names of `MissionRequest`."""
-        return {"scene": self.scene, "preset": self.preset, "planner": self.planner, "seed": self.seed}
+        return {
+            "scene": self.scene,
+            "preset": self.preset,
+            "planner": self.planner,
+            "seed": self.seed,
+            "extends": None if self.extends is None else Path(self.extends),
+        }
 
     @staticmethod
     def open(folder: Path, overrides: Mapping[str, str] | None = None) -> FinishedRun:
@@ -70,6 +78,7 @@ class FinishedRun:
             preset=str(content.get("preset", "")),
             planner=str(content.get("planner", "")),
             seed=int(content.get("seed", 0)),
+            extends=content.get("extends"),
         )
 
     def open_scene(self) -> Scene:
@@ -104,6 +113,7 @@ def write_run_config(folder: Path, request: MissionRequest, config: MissionConfi
         "preset": request.preset,
         "planner": request.planner or request.preset,
         "seed": request.seed,
+        "extends": None if request.extends is None else str(request.extends.resolve()),
         "start": {"x_m": start.x_m, "y_m": start.y_m, "yaw_rad": start.yaw_rad},
         "versions": software_versions(),
         "mission": config.model_dump(mode="json"),

@@ -170,7 +170,8 @@ class Mission:
             self._announce(self._pilot.phase, f"going on from {self.time_s:.1f} s")
             return
         self._began = True
-        self._announce(MissionPhase.RUNNING, "looking around")
+        known = self._mapper.gaussians.size > 0
+        self._announce(MissionPhase.RUNNING, "extending an old map" if known else "looking around")
         self._pilot.begin()
 
     def _sense(self) -> tuple[Scan, Frame]:

@@ -132,11 +132,13 @@ class Pilot:
         self._halted = False
 
     def begin(self) -> None:
-        """Look around, as far as the vehicle can without knowing anything."""
+        """Look around, as far as the vehicle can without knowing anything; with an old map there is a plan at
+        once."""
         if self._directives != Directives():
             self._keep_to(self._directives)
             self.obey(self._directives)
-        self._follow(self._vehicle.first_look(self._robot.state))
+        if self._mapper.gaussians.size == 0:
+            self._follow(self._vehicle.first_look(self._robot.state))
 
     def obey(self, directives: Directives) -> None:
         """Take these as what is asked of the mission from now on, and say what of it cannot be kept."""

@@ -23,6 +23,8 @@ class MissionRequest:
     """A planner preset in place of the mission preset's."""
     clock: str | None = None
     """`lockstep` or `real`; None = the preset's."""
+    extends: Path | None = None
+    """Folder of a finished run of the same scene whose maps the mission begins with."""
     resume: bool = False
     """Go on from what a process that was killed or suspended left for `out`; from the start where it left
     nothing to go on from."""

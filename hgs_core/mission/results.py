@@ -22,6 +22,7 @@ from hgs_core.mission.build import MissionParts
 from hgs_core.mission.config import MissionConfig
 from hgs_core.mission.events import MissionPhase, Notice, PhaseChanged
 from hgs_core.mission.folder import EventLog
+from hgs_core.mission.old_map import write_exploration
 from hgs_core.mission.record import MissionRecord
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.versions import software_versions
@@ -67,7 +68,7 @@ def evaluated(
         start_xy=(parts.scene.start.x_m, parts.scene.start.y_m),
         gaussians=parts.mapper.gaussians,
         mesh=mesh,
-        training_poses=_batched(record.poses),
+        training_poses=_batched([*parts.mapper.keyframes.inherited, *record.poses]),
         intrinsics=config.sensor.camera.intrinsics(),
         camera_height_m=config.sensor.camera.mount_height_m,
         range_m=config.sensor.camera.range_m,
@@ -101,6 +102,7 @@ def report_of(
         planner=request.planner or request.preset,
         stop_reason=str(record.stop_reason),
         stop_message=record.message,
+        extends=None if request.extends is None else str(request.extends),
         wall_s=parts.mission.wall_s,
         sim_time_s=state.timestamp_s,
         path_length_m=state.path_length_m,
@@ -140,10 +142,11 @@ def report_of(
     )
 
 
-def write_results(folder: Path, parts: MissionParts, record: MissionRecord) -> None:
+def write_results(folder: Path, config: MissionConfig, parts: MissionParts, record: MissionRecord) -> None:
     """Everything else that needs no evaluation."""
     write_ply(parts.mapper.gaussians, folder / "map.ply")
     if len(parts.mapper.keyframes):
         parts.mapper.keyframes.write_transforms(folder / TRANSFORMS)
+    write_exploration(folder, config, parts.mapper, parts.planner)
     trajectory = Trajectory(timestamps_s=np.array(record.timestamps_s), poses=_batched(record.poses))
     write_trajectory(trajectory, folder / "trajectory.txt")

@@ -26,6 +26,7 @@ from hgs_core.mission.events import (
 )
 from hgs_core.mission.finished_run import FinishedRun, write_run_config
 from hgs_core.mission.folder import EventLog, RunFolder, partial_of
+from hgs_core.mission.old_map import OldMap
 from hgs_core.mission.record import MissionRecord
 from hgs_core.mission.report_page import write_report_page
 from hgs_core.mission.request import MissionRequest as MissionRequest
@@ -111,6 +112,9 @@ class _Run:
             folder=self._folder.partial, least_free_bytes=config.checkpoint.least_free_mib * 2**20
         )
         try:
+            old_map = None
+            if request.extends is not None and checkpoint is None:
+                old_map = OldMap.open(request.extends, request.scene, config)
             parts = build_mission(
                 config,
                 request.scene,
@@ -119,6 +123,7 @@ class _Run:
                 observer=log,
                 commands=commands,
                 why_wait=room.why_wait,
+                old_map=old_map,
             )
         except HgsError:
             if self._folder.is_new:  # a mission that cannot begin leaves nothing behind
@@ -199,7 +204,7 @@ class _Run:
         config, folder = self._config, self._folder.partial
         report = report_of(self._request, config, parts, record, peak_rss_mib=self._peak_rss_mib())
         progress = Progress(self._log, parts.mission.time_s)
-        write_results(folder, parts, record)
+        write_results(folder, config, parts, record)
         if record.stop_reason is not StopReason.INTERRUPTED and record.poses:
             mesh = fused_mesh(folder, config, progress)
             if config.evaluate:

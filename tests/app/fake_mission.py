@@ -451,6 +451,7 @@ def _write(request: Any, stop_reason: StopReason, frames: int) -> None:
         "scene": request.scene,
         "seed": request.seed,
         "clock": request.clock,
+        **({"extends": str(request.extends)} if request.extends else {}),
         "stop_reason": str(stop_reason),
         "frames": frames,
     }

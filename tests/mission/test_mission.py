@@ -70,6 +70,7 @@ def test_a_mission_leaves_a_complete_folder_and_repeats_exactly(tmp_path: Path) 
     assert names == {
         "config.yaml",
         "events.jsonl",
+        "exploration.npz",
         "keyframes",
         "map.ply",
         "mesh.ply",
