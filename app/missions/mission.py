@@ -25,7 +25,8 @@ from app.storage.database import StorageError
 from app.storage.missions import MissionStore
 from app.storage.tables import FilesKept, MissionRecord
 from hgs_core.mission.commands import Decide, Direct, as_text
-from hgs_core.mission.repeats import NO_REPEATS, Repeats
+from hgs_core.mission.folder import partial_of
+from hgs_core.mission.repeats import NO_REPEATS, Repeats, happened
 from hgs_core.planning.directives import Directives
 
 log = logging.getLogger(__name__)
@@ -344,6 +345,7 @@ class Mission:
             found = _end_of_run(self.results_dir)
             if found is None:
                 return False
+            self._tell_what_was_missed(self.results_dir)
             self._settle(*found)
             return True
 
@@ -395,12 +397,24 @@ class Mission:
 
     def _go_on_from(self, time_s: float) -> None:
         """A process goes on from this moment: what was told of later ones is not told again."""
+        self._tell_what_was_missed(partial_of(self.results_dir), until_s=time_s)
         told = self.log.told_since(time_s)
         self._repeats = Repeats(told)
         self._told_until_s = max((float(event["time_s"]) for event in told), default=time_s)
         # It knows what was asked of it then; what counts is what is asked of it now.
         if self._supervisor is not None and self.log.newest("directives") is not None:
             self._supervisor.send(as_text(Direct(directives=self.directives)))
+
+    def _tell_what_was_missed(self, run: Path, *, until_s: float = math.inf) -> None:
+        """A process that has lost its service goes on for a while, and what it tells then is in its own log
+        alone, in the folder of its run."""
+        newest = self.log.newest("telemetry")
+        since_s = 0.0 if newest is None else float(newest["time_s"])
+        known = Repeats(self.log.told_since(since_s))
+        for event in happened(run / "events.jsonl", since_s=since_s, until_s=until_s):
+            shown = in_degrees(event)
+            if not known.holds(shown):
+                self.log.append({"received_at": time.time(), **shown})
 
     def _require_without_process(self, command: str) -> None:
         """`_require`, for a command that needs a process to be launched."""

@@ -68,8 +68,11 @@ class CheckpointFolder:
         return None, complaints
 
     def go_on_from(self, checkpoint: Checkpoint) -> None:
-        """Later ones are written on top of this one; newer ones, which are damaged, are removed."""
+        """Later ones are written on top of this one; newer ones, which are damaged, and those that were not
+        finished are removed."""
         self._seals = _seals(checkpoint.path)
+        for unfinished in self._folder.glob("*.partial"):
+            unfinished.unlink()
         for path in self._files():
             if path > checkpoint.path:
                 path.unlink()

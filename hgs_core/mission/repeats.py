@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -43,6 +44,24 @@ class Repeats:
 
 
 NO_REPEATS: Final = Repeats(())
+
+
+def happened(log: Path, *, since_s: float, until_s: float) -> list[dict[str, Any]]:
+    """What the `events.jsonl` of a run tells of what happened in its mission between two moments, the later
+    one excluded; nothing where there is no such file."""
+    try:
+        lines = log.read_bytes().splitlines()
+    except OSError:
+        return []
+    found = []
+    for line in lines:
+        try:
+            event = json.loads(line)
+        except ValueError:  # torn, and so the last one
+            break
+        if event.get("kind") in _REPEATED and since_s <= (event.get("time_s") or 0.0) < until_s:
+            found.append(event)
+    return found
 
 
 def _said(event: Mapping[str, Any]) -> bytes:

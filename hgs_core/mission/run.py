@@ -77,11 +77,13 @@ class _Run:
         checkpoint = None if self._folder.is_new else self._take_up()
         parts = self._build(commands, checkpoint)
         keeper = self._keeper(parts)
-        record = _explored(parts, keeper)
-        if record.stop_reason is None:
-            self._suspend(parts, keeper)
-            return None
-        keeper.finish()
+        try:
+            record = _explored(parts, keeper)
+            if record.stop_reason is None:
+                self._suspend(parts, keeper)
+                return None
+        finally:
+            keeper.finish()
         report = self._write(parts, record)
         self._folder.complete()
         return report

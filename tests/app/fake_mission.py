@@ -36,6 +36,7 @@ from hgs_core.mission.events import (
     StopReason,
     Telemetry,
 )
+from hgs_core.mission.folder import EventLog
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.plan import (
     Candidate,
@@ -108,7 +109,9 @@ def _drive(
     saved = Path(f"{request.out}.partial") / "saved.json"
     frame = json.loads(saved.read_text()) if request.resume and saved.is_file() else 0
     saved.parent.mkdir(parents=True, exist_ok=True)
+    observer = EventLog(saved.with_name("events.jsonl"), observer)
     if request.resume and saved.is_file():
+        observer.go_on_from(frame * FRAME_INTERVAL_S)
         observer.on_event(Resumed(time_s=frame * FRAME_INTERVAL_S, reason="going on from what was saved"))
     saved.write_text(json.dumps(frame))
     observer.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason="opening the fake room"))

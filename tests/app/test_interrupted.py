@@ -1,5 +1,6 @@
 """Missions whose process, service or both ended under them: nothing told is lost, and they can be resumed."""
 
+import json
 import os
 import signal
 
@@ -60,6 +61,32 @@ def test_a_killed_mission_is_interrupted_and_resumed_without_gap_or_repetition(s
     assert now["view_sequence"] >= shown
     client.post(f"/api/v1/missions/{mission}/stop")
     assert wait_for(client, mission, "aborted")["stop_reason"] == "interrupted"
+
+
+def test_what_a_mission_told_when_no_service_listened_is_told_later(service):
+    client = service("run_slowly")
+    mission = begin(client)
+    kill(client, mission)
+    wait_for(client, mission, "interrupted")
+    partial = client.app.state.service.get(mission).results_dir.with_name("run.partial")
+    *_, last = (
+        event
+        for line in (partial / "events.jsonl").read_text().splitlines()
+        if (event := json.loads(line))["kind"] == "telemetry"
+    )
+    with (partial / "events.jsonl").open("a") as file:
+        for more in (1, 2, 3):
+            told = {**last, "frame": last["frame"] + more, "time_s": last["time_s"] + 0.4 * more}
+            file.write(json.dumps(told) + "\n")
+        file.write('{"kind": "tele')
+    (partial / "saved.json").write_text(json.dumps(last["frame"] + 4))
+    resume(client, mission)
+    wait_for_frame(client, mission, last["frame"] + 6)
+    client.post(f"/api/v1/missions/{mission}/stop")
+    events = events_of(client, mission)
+    frames = [e["frame"] for e in events if e["kind"] == "telemetry"]
+    assert frames == list(range(len(frames)))
+    assert [e["sequence"] for e in events] == list(range(1, len(events) + 1))
 
 
 def test_what_ran_when_the_service_died_is_interrupted_unless_it_had_come_to_its_end(service):
