@@ -16,7 +16,7 @@ def test_missions_that_were_killed_end_as_others_do(tmp_path, repository):
 @pytest.mark.slow
 def test_a_hundred_kills(tmp_path, repository, capsys):
     kills = int(os.environ.get("HGS_CRASH_KILLS", "100"))
-    matrix = CrashMatrix(tmp_path, repository, seed=0, time_s=14.0)
+    matrix = CrashMatrix(tmp_path, repository, seed=0, time_s=10.0)
     try:
         matrix.run(kills)
     finally:
