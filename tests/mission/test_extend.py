@@ -85,7 +85,7 @@ def test_a_map_that_does_not_fit_is_refused_in_words(tmp_path: Path, room: Path,
     ):
         with pytest.raises(ConfigError, match=says):
             run_mission(replace(wish, extends=out), observer=Watched(), commands=NoCommands())
-    wish = replace(request(room, x), extends=tmp_path / "nothing")
+    wish = replace(request(room, tmp_path / "x"), extends=tmp_path / "nothing")
     with pytest.raises(ConfigError, match="is not a folder"):
         run_mission(wish, observer=Watched(), commands=NoCommands())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["room.glb"]
