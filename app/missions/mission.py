@@ -401,9 +401,6 @@ class Mission:
         told = self.log.told_since(time_s)
         self._repeats = Repeats(told)
         self._told_until_s = max((float(event["time_s"]) for event in told), default=time_s)
-        # It knows what was asked of it then; what counts is what is asked of it now.
-        if self._supervisor is not None and self.log.newest("directives") is not None:
-            self._supervisor.send(as_text(Direct(directives=self.directives)))
 
     def _tell_what_was_missed(self, run: Path, *, until_s: float = math.inf) -> None:
         """A process that has lost its service goes on for a while, and what it tells then is in its own log
