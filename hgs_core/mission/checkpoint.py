@@ -7,6 +7,7 @@ checksums. The two newest are kept, so there is one to go on from whatever happe
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
@@ -14,7 +15,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 from hgs_core.errors import CheckpointError
 from hgs_core.mission.state_file import StateWriter, read_part, read_state
@@ -95,8 +96,8 @@ class CheckpointFolder:
             size = file.tell()
         except BaseException:
             writer.abandon()
-            file.close()
             partial.unlink(missing_ok=True)
+            _close(file)
             raise
 
         def seal() -> None:
@@ -115,7 +116,7 @@ class CheckpointFolder:
                 writer.abandon()
                 partial.unlink(missing_ok=True)
             finally:
-                file.close()
+                _close(file)
 
         self._thread = threading.Thread(target=seal, name="checkpoint")
         self._thread.start()
@@ -202,3 +203,9 @@ def _flush_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _close(file: BinaryIO) -> None:
+    """Closing writes what is buffered still, which a full disk does not take."""
+    with contextlib.suppress(OSError):
+        file.close()
