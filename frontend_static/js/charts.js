@@ -5,7 +5,7 @@ import { count, fixed, isNumber } from "./format.js";
 export const CHARTS = [
   {
     field: "coverage",
-    title: "Coverage",
+    title: "Seen of found",
     colour: "--series-3",
     format: (v) => `${fixed(v, 1)} %`,
     read: coverage,
@@ -20,13 +20,16 @@ function column(field, title, colour, format) {
   return { field, title, colour, format, read: (series) => series[field] };
 }
 
-/** Observed volume as a share of all that was found so far, observed or missing [%]. */
+/**
+ * Observed volume as a share of all that was found so far, observed or missing [%]: rooms that nothing has been seen of are
+ * in neither. None before the first plan, which looks for what is missing.
+ */
 export function coverage({ observed_volume_m3: observed, missing_volume_m3: missing }) {
-  return observed.map((volume, k) =>
-    isNumber(volume) && isNumber(missing[k]) && volume + missing[k] > 0
-      ? (100 * volume) / (volume + missing[k])
-      : null,
-  );
+  let looked = false;
+  return observed.map((volume, k) => {
+    looked ||= missing[k] > 0;
+    return looked && isNumber(volume) && isNumber(missing[k]) ? (100 * volume) / (volume + missing[k]) : null;
+  });
 }
 
 /** Planning times [ms] over mission time, or over the path that had been driven then. */
