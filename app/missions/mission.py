@@ -431,7 +431,13 @@ class Mission:
     def _follow_phase(self, phase: str, reason: str) -> None:
         self._phase, self._phase_reason = phase, reason
         state = _PHASE_STATES.get(phase)
-        if state is None or (state is not self.state and state not in TRANSITIONS[self.state]):
+        if state is None:
+            return
+        # Of the same state only a running mission has news: what it waits for, or that it drives home.
+        is_news = (
+            state in TRANSITIONS[self.state] if state is not self.state else state is MissionState.RUNNING
+        )
+        if not is_news:
             return
         self._requested = None
         self._tell(state, reason or phase)

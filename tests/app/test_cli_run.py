@@ -129,6 +129,7 @@ def test_progress_is_told_line_by_line_without_a_terminal(missions: Callable[[Ru
         observer.on_event(
             PlanMade(
                 time_s=0,
+                plan_sequence=1,
                 reason="best view",
                 n_candidates=3,
                 n_selected=1,

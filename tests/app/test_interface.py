@@ -115,7 +115,7 @@ def test_the_bodies_that_can_be_sent_come_with_examples_that_work(description, l
         wish = {
             name: p["examples"][0]
             for name, p in schemas["MissionCreate"]["properties"].items()
-            if "examples" in p
+            if "examples" in p and name != "extends"  # which mission there is, no description can know
         }
         assert set(wish) >= {"scene", "preset"}
         assert client.post("/api/v1/missions", json=wish).status_code == 201

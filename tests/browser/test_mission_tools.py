@@ -21,7 +21,7 @@ from tests.browser.page_checks import (
     wait_for_state,
 )
 
-pytestmark = pytest.mark.timeout(420)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(420)]  # two real missions and a minute of clicks
 
 SMALL = {"sensor": "rgbd_5m_tiny", "evaluate": "false", "mesh.enabled": "false"}
 """A sixteenth of the pixels, and no more at the end than what was mapped."""
