@@ -12,6 +12,9 @@ from pathlib import Path
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+# Consoles take their width when they are made; a worker of a parallel run would fix it for all tests.
+os.environ.pop("COLUMNS", None)
+
 # Shapes and dtypes of annotated functions and dataclasses are checked in this process; child processes that
 # a test spawns import the package plainly, as in production.
 from jaxtyping import install_import_hook

@@ -112,7 +112,7 @@ class Navigator:
         if not len(outside):
             return None
         nearest = int(outside[np.argmin(reach.lengths_m(grid)[outside])])
-        return self._along(grid, path_from_robot(grid, reach, nearest), robot)
+        return self._along(grid, path_from_robot(grid, reach, nearest), robot, leaving=True)
 
     def why_blocked(
         self,
@@ -135,13 +135,21 @@ class Navigator:
         self._touches.restore(state["touches"])
         self._pursuit.restore(state["pursuit"])
 
-    def _along(self, grid: NavigationGrid, points_m: Float[ndarray, "n 2"], robot: RobotState) -> Path | None:
-        """A way that is from now on under way; a car finds one of its own to the same end, or none."""
+    def _along(
+        self,
+        grid: NavigationGrid,
+        points_m: Float[ndarray, "n 2"],
+        robot: RobotState,
+        *,
+        leaving: bool = False,
+    ) -> Path | None:
+        """A way that is from now on under way; a car finds one of its own to the same end, or none. None,
+        too, where it would brush a no-go area, which the grid's cells show to a fraction of a cell."""
         path: Path | None = Path(positions_m=points_m, yaws_rad=np.full(len(points_m), np.nan))
         if isinstance(self._robot, AckermannConfig):
             pose = np.array([robot.x_m, robot.y_m, robot.yaw_rad])
             path = CarWays(grid, self._robot, self._config.kinodynamic, pose).way_any_heading(points_m[-1])
-        if path is None:
+        if path is None or (not leaving and self.enters_no_go(path)):
             return None
         self._pursuit.follow(path, np.zeros(0), grid, robot.timestamp_s)
         return path
