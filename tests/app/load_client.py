@@ -98,7 +98,8 @@ def stall(url: httpx.URL, mission: str) -> socket.socket:
 
 async def run(url: str, mission: str, readers: int, requests_per_s: float) -> Seen:
     seen, ended = Seen(), asyncio.Event()
-    limits = httpx.Limits(max_connections=None, max_keepalive_connections=None)
+    # Idle connections are let go sooner than the service does, which would race with the next question.
+    limits = httpx.Limits(max_connections=None, keepalive_expiry=2.0)
     async with httpx.AsyncClient(base_url=f"{url}api/v1", timeout=120, limits=limits) as client:
         stalled = stall(httpx.URL(url), mission)
         reading = [

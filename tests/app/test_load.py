@@ -41,6 +41,7 @@ def until_ended(client: httpx.Client, mission: str, *, patience_s: float = 1800.
         found = client.get(f"/missions/{mission}").json()
         if found["ended_at"] is not None:
             return found
+        assert found["state"] != "interrupted", found
         assert time.monotonic() < deadline, found
         time.sleep(0.5)
 
