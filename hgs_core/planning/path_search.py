@@ -143,9 +143,15 @@ def entries_near(
 
 
 def path_from_robot(grid: NavigationGrid, reach: ReachField, cell: int) -> Float[ndarray, "n 2"]:
-    """The smoothed way from the robot to a reachable cell."""
-    points = np.concatenate([reach.origin_m[None], grid.centres_m(reach.cells_to(cell))])
-    return smooth(grid, points)
+    """The smoothed way from the robot to a reachable cell.
+
+    The way out of a place that is too tight stays a leg of its own: a line from there is held against what it
+    replaces, and would be allowed to be as tight all along.
+    """
+    centres = grid.centres_m(reach.cells_to(cell))
+    if reach.escaping:
+        return np.concatenate([reach.origin_m[None], smooth(grid, centres)])
+    return smooth(grid, np.concatenate([reach.origin_m[None], centres]))
 
 
 def shortest_path(grid: NavigationGrid, start: int, goal: int) -> Float[ndarray, "n 2"] | None:

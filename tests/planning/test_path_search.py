@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import (
+    ENTRY_RADII_M,
     off_the_walls,
     pairwise_costs,
     path_from_robot,
@@ -134,3 +135,22 @@ def test_a_roomy_path_stays_where_it_is() -> None:
     grid = grid_of(room(40, 40))
     points = grid.centres_m(np.array([cell * 40 + 20 for cell in range(6, 34)]))
     assert off_the_walls(grid, points) is points
+
+
+def test_the_way_out_of_a_tight_place_does_not_make_the_rest_of_the_path_tight() -> None:
+    """The robot stands 10 cm from a box; what it passes later is passed at its radius."""
+    voxels = room(60, 60)
+    voxels.states[5:7, 5:8, :12] = VoxelState.OCCUPIED
+    voxels.states[10:20, 12:18, :12] = VoxelState.OCCUPIED
+    voxels.note_change()
+    robot = np.array([0.8, 0.8])
+    grid = grid_of(voxels, (0.8, 0.8))
+    reach = reach_from(grid, robot)
+    assert reach.escaping
+    tight = float(grid.path_clearance_m(robot[None])[0])
+    for cell in np.flatnonzero(reach.reachable.ravel())[::7].tolist():
+        path = path_from_robot(grid, reach, cell)
+        clearance, _ = grid.check_segments(path[:-1], path[1:])
+        assert clearance[0] >= tight - 1e-6
+        assert np.all(clearance[1:] >= grid.radius_m - 1e-6)
+        assert np.hypot(*(path[1] - robot)) <= max(ENTRY_RADII_M) + grid.size_m
