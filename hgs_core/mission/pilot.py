@@ -6,19 +6,18 @@ the start, and decides that the mission is over.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from hgs_core.errors import PlanningError
 from hgs_core.mapping.mapper import Mapper
-from hgs_core.mission.bounds import asks_for_another_plan, what_cannot_be_kept
+from hgs_core.mission.bounds import Bounds, asks_for_another_plan
 from hgs_core.mission.clock import Clock
 from hgs_core.mission.config import MissionLimits
+from hgs_core.mission.detour import Detour, Ending
 from hgs_core.mission.events import (
     ApprovalState,
     DirectivesTaken,
@@ -29,58 +28,21 @@ from hgs_core.mission.events import (
     PhaseChanged,
     StopReason,
 )
+from hgs_core.mission.helm import Helm
 from hgs_core.mission.operator import Operator
+from hgs_core.mission.standstill import Standstill
 from hgs_core.mission.telling import approval, first_view, plan_made
 from hgs_core.planning.directives import Directives
-from hgs_core.planning.navigator import AT_GOAL_M, Navigator
-from hgs_core.planning.path_budget import with_reserve
+from hgs_core.planning.navigator import Navigator
 from hgs_core.planning.plan import (
     NothingLeft,
     Plan,
     Planner,
     PlanningTimes,
     UnseenReason,
-    UnseenRegion,
-    on_floor,
 )
-from hgs_core.robot.path import Path
 from hgs_core.robot.robot import Robot
 from hgs_core.robot.vehicle import Vehicle
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ending:
-    """Why a mission ends, and what it leaves unseen."""
-
-    reason: StopReason
-    message: str
-    unseen: tuple[UnseenRegion, ...]
-
-    def state(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @staticmethod
-    def restore(state: dict[str, Any]) -> Ending:
-        unseen = tuple(UnseenRegion.restore(entry) for entry in state["unseen"])
-        return Ending(reason=StopReason(state["reason"]), message=state["message"], unseen=unseen)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Detour:
-    """A way that no planner asked for, under way."""
-
-    path: Path
-    done: str
-    """What to say at its end."""
-    leaving: bool
-    """It leads out of a no-go area: these do not block it."""
-
-    def state(self) -> dict[str, Any]:
-        return {"path": self.path.state(), "done": self.done, "leaving": self.leaving}
-
-    @staticmethod
-    def restore(state: dict[str, Any]) -> Detour:
-        return Detour(**{**state, "path": Path(**state["path"])})
 
 
 class Pilot:
@@ -116,9 +78,8 @@ class Pilot:
         self._limits = limits
         self._clock = clock
         self._operator = operator
-        self._directives = directives
         self._tell = tell
-        self._start_m = np.array([robot.state.x_m, robot.state.y_m])
+        self._bounds = Bounds(directives, robot=robot, mapper=mapper, planner=planner, navigator=navigator)
         self._plan_sequence = 0
         self._awaits_approval = False
         self._why_replan: str | None = None
@@ -126,44 +87,35 @@ class Pilot:
         self._detour: Detour | None = None
         self._ending: Ending | None = None
         """Decided on; what is left is the way back."""
-        self._idle_plans = 0
-        self._pose_at_plan = (np.inf, np.inf, np.inf)
-        self._steering = threading.Lock()
-        self._halted = False
+        self._standstill = Standstill()
+        self._helm = Helm(robot)
 
     def begin(self) -> None:
         """Look around, as far as the vehicle can without knowing anything; with an old map there is a plan at
         once."""
-        if self._directives != Directives():
-            self._keep_to(self._directives)
-            self.obey(self._directives)
+        if self._bounds.directives != Directives():
+            self._bounds.keep_to(self._bounds.directives)
+            self.obey(self._bounds.directives)
         if self._mapper.gaussians.size == 0:
-            self._follow(self._vehicle.first_look(self._robot.state))
+            self._helm.follow(self._vehicle.first_look(self._robot.state))
 
     def obey(self, directives: Directives) -> None:
         """Take these as what is asked of the mission from now on, and say what of it cannot be kept."""
-        if asks_for_another_plan(self._directives, directives):
+        if asks_for_another_plan(self._bounds.directives, directives):
             self._why_replan = "the operator asks for something else"
-            self._keep_to(directives)
-        self._directives = directives
+            self._bounds.keep_to(directives)
+        self._bounds.directives = directives
         self._robot.limit_speed(directives.max_speed_m_s)
         told = directives.model_dump(mode="json")
         self._tell(DirectivesTaken(time_s=self._time_s, directives=told))
-        for message in what_cannot_be_kept(directives, self._robot.state, self._start_m, self._navigator):
+        for message in self._bounds.what_cannot_be_kept():
             self._notice(message)
-
-    def _keep_to(self, directives: Directives) -> None:
-        self._planner.obey(directives, self._start_m)
-        self._navigator.obey(directives)
 
     def halt(self) -> None:
         """Let the robot stand, for good. From any thread: what the loop is busy with (a frame that is taken
         in, a plan that is made) is not waited for, and nothing that it does afterwards moves the robot.
         """
-        with self._steering:
-            self._halted = True
-            self._robot.stop()
-            state = self._robot.state
+        state = self._helm.halt()
         self._tell(
             Halted(
                 time_s=state.timestamp_s,
@@ -190,8 +142,8 @@ class Pilot:
         elif self._time_s >= self._limits.max_time_s:
             limit = f"time limit of {self._limits.max_time_s:.0f} s reached"
             self._finish(self._ended_by(StopReason.TIME_LIMIT, limit, UnseenReason.TIME_LIMIT))
-        elif self._idle_plans >= self._limits.stuck_after_plans:
-            stuck = f"{self._idle_plans} plans in a row without moving"
+        elif self._standstill.plans >= self._limits.stuck_after_plans:
+            stuck = f"{self._standstill.plans} plans in a row without moving"
             self._finish(self._ended_by(StopReason.STUCK, stuck))
         return self.ended is not None
 
@@ -204,7 +156,7 @@ class Pilot:
     @property
     def directives(self) -> Directives:
         """What is asked of the mission now."""
-        return self._directives
+        return self._bounds.directives
 
     @property
     def phase(self) -> MissionPhase:
@@ -227,9 +179,8 @@ class Pilot:
         """All that later decisions depend on but planner, robot and maps, as plain data."""
         detour, ending = self._detour, self._ending
         return {
-            "directives": self._directives.model_dump(mode="json"),
             "asked": self._operator.state(),
-            "start_m": self._start_m.copy(),
+            "bounds": self._bounds.state(),
             "plan": None if self.plan is None else self.plan.state(),
             "plan_sequence": self._plan_sequence,
             "awaits_approval": self._awaits_approval,
@@ -238,16 +189,13 @@ class Pilot:
             "ending": None if ending is None else ending.state(),
             "navigator": self._navigator.state(),
             "missing_volume_m3": self.missing_volume_m3,
-            "idle_plans": self._idle_plans,
-            "pose_at_plan": list(self._pose_at_plan),
+            "standstill": self._standstill.state(),
         }
 
     def restore(self, state: dict[str, Any], *, planning: list[PlanningTimes]) -> None:
         """Go on from `state`; `planning` is the record's. To be called before the planner is restored."""
         self.planning = planning
-        self._start_m = np.array(state["start_m"])
-        self._directives = Directives.model_validate(state["directives"])
-        self._keep_to(self._directives)
+        self._bounds.restore(state["bounds"])
         self._operator.restore(state["asked"])
         self.plan = None if state["plan"] is None else Plan.restore(state["plan"])
         self._plan_sequence = int(state["plan_sequence"])
@@ -257,9 +205,7 @@ class Pilot:
         self._ending = None if state["ending"] is None else Ending.restore(state["ending"])
         self._navigator.restore(state["navigator"])
         self.missing_volume_m3 = float(state["missing_volume_m3"])
-        self._idle_plans = int(state["idle_plans"])
-        x_m, y_m, yaw_rad = state["pose_at_plan"]
-        self._pose_at_plan = (x_m, y_m, yaw_rad)
+        self._standstill.restore(state["standstill"])
 
     @property
     def _time_s(self) -> float:
@@ -307,11 +253,17 @@ class Pilot:
         if isinstance(answer, NothingLeft):
             reason, message = self._why_nothing_is_left(), answer.reason
             if reason is StopReason.PATH_BUDGET:
-                message = f"the path budget of {self._directives.max_path_m:g} m lasts no longer: {message}"
+                message = (
+                    f"the path budget of {self._bounds.directives.max_path_m:g} m lasts no longer: {message}"
+                )
             self._finish(Ending(reason=reason, message=message, unseen=answer.unseen))
             return
-        self._note_progress()
-        plan = self._within_bounds(answer)
+        self._standstill.note(self._robot.state)
+        if self._bounds.enters_no_go(answer):
+            self._notice("the way to the next view would brush a no-go area: it is not driven")
+            self._why_replan = "the way would have brushed a no-go area"
+            return
+        plan = self._bounds.within(answer)
         if plan is None:
             message = "what is left of the path budget does not lead to the next view"
             self._finish(self._ended_by(StopReason.PATH_BUDGET, message, UnseenReason.PATH_BUDGET))
@@ -319,51 +271,23 @@ class Pilot:
         self.plan = plan
         self._plan_sequence += 1
         self.live_through(self._clock.elapsed_s(nominal_s=self._limits.planning_time_s))
-        asks = self._directives.approve_views and first_view(plan) is not None
+        asks = self._bounds.directives.approve_views and first_view(plan) is not None
         if not asks:
             # The robot waits at the view until a frame has seen what was to be seen there, and the next plan.
-            self._follow(plan.path.to_first_view())
+            self._helm.follow(plan.path.to_first_view())
         self._tell(plan_made(plan, why, sequence=self._plan_sequence, time_s=self._time_s))
         if asks:
             self._awaits_approval = True
             self._tell_approval(plan, ApprovalState.WAITING, "the operator is asked")
             self._announce(self.awaits or "")
 
-    def _within_bounds(self, plan: Plan) -> Plan | None:
-        """The plan, held against what the operator asks: no planner is taken at its word. A way that is
-        longer than the budget allows is replaced by the shortest; None where that is too long, too.
-
-        Raises `PlanningError` for a way into a no-go area.
-        """
-        leg = plan.path.to_first_view()
-        if self._navigator.enters_no_go(leg):
-            raise PlanningError("the planner's path leads into a no-go area")
-        left_m = self._left_m()
-        if not np.isfinite(left_m) or not len(leg.positions_m):
-            return plan
-        snapshot, state, goal_m = self._mapper.snapshot(), self._robot.state, leg.positions_m[-1]
-        if self._directives.return_to_start:
-            back_m = self._navigator.length_m(snapshot, state, goal_m, self._start_m)
-            left_m -= float(with_reserve(np.array([back_m]))[0])
-        if leg.length_m <= left_m:
-            return plan
-        way = self._navigator.way_to(snapshot, state, goal_m, left_m)
-        return None if way is None or way.length_m > left_m else self._redirected(plan, way, leg.yaws_rad[-1])
-
-    def _redirected(self, plan: Plan, way: Path, yaw_rad: float) -> Plan:
-        """The plan with another way to another first view, which the planner is told of."""
-        yaws = way.yaws_rad.copy()
-        yaws[-1] = yaw_rad if way.headings_rad is None else way.headings_rad[-1]
-        path = replace(way, yaws_rad=yaws)
-        redirected = replace(plan, path=path, local_path_m=on_floor(path.positions_m))
-        self._planner.adopt(self._mapper.snapshot(), self._robot.state, redirected)
-        return redirected
-
     def _why_nothing_is_left(self) -> StopReason:
         """Whether nothing is left to see, or nothing that the path budget lasts for."""
-        if self._directives.max_path_m is None:
+        if self._bounds.directives.max_path_m is None:
             return StopReason.COMPLETE
-        self._planner.obey(self._directives.model_copy(update={"max_path_m": None}), self._start_m)
+        self._planner.obey(
+            self._bounds.directives.model_copy(update={"max_path_m": None}), self._bounds.start_m
+        )
         without = self._planner.plan(self._mapper.snapshot(), self._robot.state, self._planner_rng)
         return StopReason.COMPLETE if isinstance(without, NothingLeft) else StopReason.PATH_BUDGET
 
@@ -375,16 +299,16 @@ class Pilot:
         if stale is not None:
             self._awaits_no_more(plan, ApprovalState.NOT_NEEDED, stale)
             return stale
-        if not self._directives.approve_views:
+        if not self._bounds.directives.approve_views:
             self._awaits_no_more(plan, ApprovalState.NOT_NEEDED, "views need no approval any more")
-            self._follow(plan.path.to_first_view())
+            self._helm.follow(plan.path.to_first_view())
             return None
         decision = self._operator.take_decision(self._plan_sequence)
         if decision is None:
             return None
         if not decision.approved:
             self._planner.refuse(snapshot, **(first_view(plan) or {}))
-            self._idle_plans = 0
+            self._standstill.forgive()
             self._awaits_no_more(plan, ApprovalState.REJECTED, "view rejected by the operator")
             return "view rejected by the operator"
         if decision.candidate is not None:
@@ -393,7 +317,7 @@ class Pilot:
                 return None
             self.plan = plan = chosen
         self._awaits_no_more(plan, ApprovalState.APPROVED, "view approved by the operator")
-        self._follow(plan.path.to_first_view())
+        self._helm.follow(plan.path.to_first_view())
         return None
 
     def _towards_candidate(self, plan: Plan, index: int) -> Plan | None:
@@ -406,7 +330,7 @@ class Pilot:
         way = self._navigator.way_to(self._mapper.snapshot(), self._robot.state, goal_m)
         redirected = None
         if way is not None:
-            redirected = self._within_bounds(self._redirected(plan, way, chosen.yaw_rad))
+            redirected = self._bounds.within(self._bounds.redirected(plan, way, chosen.yaw_rad))
         if redirected is None:
             why = "no way there is known" if way is None else "the path budget does not last for it"
             place = f"({chosen.x_m:.1f}, {chosen.y_m:.1f})"
@@ -423,7 +347,7 @@ class Pilot:
         state = self._robot.state
         if not self._navigator.stands_in_no_go(state.x_m, state.y_m):
             return False
-        self._note_progress()
+        self._standstill.note(self._robot.state)
         way = self._navigator.way_out(self._mapper.snapshot(), state)
         if way is not None:
             self._take(Detour(path=way, done="the robot has left the no-go area", leaving=True))
@@ -431,40 +355,37 @@ class Pilot:
 
     def _finish(self, ending: Ending) -> None:
         """End the mission: at once, or once the robot is back where that is asked for."""
-        if not self._directives.return_to_start or self._is_back():
+        if not self._bounds.directives.return_to_start or self._bounds.is_back:
             self._end(ending)
             return
         self._robot.stop()
         self._ending = ending
-        self._idle_plans = 0
+        self._standstill.forgive()
         self._announce(f"drives back to the start: {ending.message}")
         self._drive_back(ending)
 
     def _drive_back(self, ending: Ending) -> None:
         state = self._robot.state
-        if self._is_back():
+        if self._bounds.is_back:
             self._end(replace(ending, message=f"{ending.message}; back at the start"))
             return
-        self._note_progress()
-        if not self._directives.return_to_start:
+        self._standstill.note(self._robot.state)
+        if not self._bounds.directives.return_to_start:
             self._end(ending)
-        elif self._idle_plans >= self._limits.stuck_after_plans:
+        elif self._standstill.plans >= self._limits.stuck_after_plans:
             lost = f"no way back to the start is known from ({state.x_m:.1f}, {state.y_m:.1f})"
             self._notice(lost)
             self._end(replace(ending, message=f"{ending.message}; {lost}"))
         elif not self._leaves_no_go():
-            way = self._navigator.way_back(self._mapper.snapshot(), state, self._start_m, self._left_m())
+            way = self._navigator.way_back(
+                self._mapper.snapshot(), state, self._bounds.start_m, self._bounds.left_m
+            )
             if way is not None:
                 self._take(Detour(path=way, done="at the end of the way back", leaving=False))
 
-    def _follow(self, path: Path) -> None:
-        with self._steering:
-            if not self._halted:
-                self._robot.follow(path)
-
     def _take(self, detour: Detour) -> None:
         self._detour = detour
-        self._follow(detour.path)
+        self._helm.follow(detour.path)
 
     def _end(self, ending: Ending) -> None:
         self._robot.stop()
@@ -482,23 +403,6 @@ class Pilot:
             for region in self._planner.unseen(self._mapper.snapshot(), self._robot.state)
         )
         return Ending(reason=reason, message=message, unseen=unseen)
-
-    def _left_m(self) -> float:
-        """What is left of the path budget; +inf without one."""
-        budget_m = self._directives.max_path_m
-        return np.inf if budget_m is None else budget_m - self._robot.state.path_length_m
-
-    def _is_back(self) -> bool:
-        state = self._robot.state
-        return bool(np.hypot(*(self._start_m - (state.x_m, state.y_m))) <= AT_GOAL_M)
-
-    def _note_progress(self) -> None:
-        state = self._robot.state
-        x, y, yaw = self._pose_at_plan
-        turned = abs((state.yaw_rad - yaw + np.pi) % (2 * np.pi) - np.pi) if np.isfinite(yaw) else np.inf
-        moved = np.hypot(state.x_m - x, state.y_m - y)
-        self._idle_plans = self._idle_plans + 1 if moved < 0.05 and turned < np.radians(5) else 0
-        self._pose_at_plan = (state.x_m, state.y_m, state.yaw_rad)
 
     def _tell_approval(self, plan: Plan, state: ApprovalState, reason: str) -> None:
         self._tell(approval(state, plan, sequence=self._plan_sequence, reason=reason, time_s=self._time_s))

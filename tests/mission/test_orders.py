@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hgs_core.mission.commands import Command, Decide, Direct, Order, as_text, order_of
+from hgs_core.mission.detour import Detour, Ending
 from hgs_core.mission.events import StopReason
 from hgs_core.mission.operator import Operator
-from hgs_core.mission.pilot import Detour, Ending
 from hgs_core.mission.state_file import StateWriter, read_state
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.plan import UnseenReason, UnseenRegion
