@@ -7,6 +7,7 @@ are routes, states and missions that run: nothing that a client sends becomes a 
 from __future__ import annotations
 
 import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
@@ -150,7 +151,7 @@ class Metrics:
         self._removed.inc(n_bytes)
 
 
-class _Collector:
+class _Collector(ABC):
     """What is read when it is asked for. A part that fails is left out and logged: the rest is told."""
 
     def describe(self) -> Iterable[Metric]:
@@ -163,8 +164,8 @@ class _Collector:
             except (StorageError, OSError, psutil.Error) as error:
                 log.warning("a measurement is missing: %s", error)
 
-    def _parts(self) -> Iterable[Callable[[], Iterable[Metric]]]:
-        raise NotImplementedError
+    @abstractmethod
+    def _parts(self) -> Iterable[Callable[[], Iterable[Metric]]]: ...
 
 
 class _Missions(_Collector):

@@ -47,7 +47,7 @@ def get_image(
     if_none_match: Annotated[str | None, Header(max_length=500)] = None,
 ) -> Response:
     """Camera image, the map drawn from the same pose, measured depth, or quality gain of every pixel."""
-    picture = mission.picture(kind)
+    picture = mission.views.picture(kind)
     if picture is None:
         raise NotFound(f"mission {mission.id} has no images (yet)")
     tag = f'"{mission.id}-{kind}-{picture.sequence}"'

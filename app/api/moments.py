@@ -33,7 +33,7 @@ def _picture_of(media_type: str) -> dict[int | str, dict[str, Any]]:
 @router.get("/{mission_id}/top-view", operation_id="getTopView", responses=problems(404))
 def get_top_view(mission: MissionDep) -> TopViewFacts:
     """Where the newest map from above lies, and what belongs over it: trajectory, plan, subspaces."""
-    drawn = mission.top_view()
+    drawn = mission.views.top_view()
     if drawn is None:
         raise NotFound(f"mission {mission.id} has no map (yet)")
     sequence, _, facts = drawn
@@ -53,11 +53,11 @@ def get_top_view_image(
     mission: MissionDep, if_none_match: Annotated[str | None, Header(max_length=500)] = None
 ) -> Response:
     """The newest map from above, without its ceiling; transparent where nothing is known."""
-    tag = f'"{mission.id}-top-{mission.view_sequence}"'
+    tag = f'"{mission.id}-top-{mission.views.sequence}"'
     headers = {"ETag": tag, "Cache-Control": "no-cache"}
     if if_none_match is not None and tag in if_none_match:
         return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=headers)
-    drawn = mission.top_view()
+    drawn = mission.views.top_view()
     if drawn is None:
         raise NotFound(f"mission {mission.id} has no map (yet)")
     sequence, image, _ = drawn
@@ -72,14 +72,14 @@ def list_moments(
     limit: Annotated[int, Query(ge=1, le=1_000)] = 1_000,
 ) -> MomentList:
     """Moments that can be gone back to. Of a long mission they lie farther apart."""
-    kept = [moment for moment in mission.moments.all() if moment.number > after]
+    kept = [moment for moment in mission.views.moments.all() if moment.number > after]
     return MomentList(moments=[moment_entry(moment) for moment in kept[:limit]])
 
 
 @router.get("/{mission_id}/moments/{number}", operation_id="getMoment", responses=problems(404))
 def get_moment(mission: MissionDep, number: _Number) -> MomentDetail:
     """Figures, plan and map from above at that moment."""
-    moment, facts = mission.moments.find(number), mission.moments.facts(number)
+    moment, facts = mission.views.moments.find(number), mission.views.moments.facts(number)
     if moment is None or facts is None:
         raise _gone(mission.id, number)
     return MomentDetail(
@@ -98,7 +98,7 @@ def get_moment(mission: MissionDep, number: _Number) -> MomentDetail:
 )
 def get_moment_top_view(mission: MissionDep, number: _Number) -> Response:
     """The map from above at that moment."""
-    image = mission.moments.top_view(number)
+    image = mission.views.moments.top_view(number)
     if image is None:
         raise _gone(mission.id, number)
     return Response(image, media_type="image/png", headers=_UNCHANGING)
@@ -112,7 +112,7 @@ def get_moment_top_view(mission: MissionDep, number: _Number) -> Response:
 )
 def get_moment_image(mission: MissionDep, number: _Number, kind: ImageKind) -> Response:
     """One of the images of that moment."""
-    image = mission.moments.image(number, kind)
+    image = mission.views.moments.image(number, kind)
     if image is None:
         raise _gone(mission.id, number)
     return Response(image, media_type="image/jpeg", headers=_UNCHANGING)

@@ -26,7 +26,7 @@ def detail(mission: Mission) -> MissionDetail:
         plan=mission.log.newest("plan"),
         time_limit_s=mission.record.max_time_s
         or time_limit_s(mission.record.preset_source, mission.record.overrides),
-        view_sequence=mission.view_sequence,
+        view_sequence=mission.views.sequence,
         last_sequence=mission.log.last_sequence,
     )
 

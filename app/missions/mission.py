@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -12,21 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import Conflict, Invalid, Unavailable
+from app.missions.degrees import in_degrees
 from app.missions.directives import directives_of, with_directives
 from app.missions.display import DisplayView
 from app.missions.event_log import EventLog
-from app.missions.moment_recorder import MomentRecorder
+from app.missions.mission_views import MissionViews
 from app.missions.moments import MomentArchive
-from app.missions.pictures import Picture, load_view, picture_of, save_view
+from app.missions.retelling import Retelling
 from app.missions.states import COMMANDS, DIRECTABLE, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
-from app.missions.top_view import top_view, top_view_facts
 from app.storage.database import StorageError
 from app.storage.missions import MissionStore
 from app.storage.tables import FilesKept, MissionRecord
 from hgs_core.mission.commands import Decide, Direct, as_text
 from hgs_core.mission.folder import partial_of
-from hgs_core.mission.repeats import NO_REPEATS, Repeats, happened
 from hgs_core.planning.directives import Directives
 
 log = logging.getLogger(__name__)
@@ -48,8 +46,6 @@ class Mission:
         self, record: MissionRecord, store: MissionStore, folder: Path, moments: MomentArchive
     ) -> None:
         """`folder` holds its files: what the process writes, its output, the last view."""
-        self.moments = moments
-        self._recorder = MomentRecorder(moments, failed=self._on_moments_failed)
         self._store = store
         self._folder = folder
         self._lock = threading.RLock()
@@ -59,15 +55,16 @@ class Mission:
         self._end_message: str | None = None
         self._phase: str | None = None
         self._phase_reason = ""
-        self._repeats = NO_REPEATS
-        self._told_until_s = -math.inf
-        self._views_before = record.view_sequence
+        self._retelling = Retelling(lambda: self.log)
         self._requested: str | None = None
-        self._view: tuple[int, DisplayView] | None = None
         self._heard_at: float | None = None
         self._log: EventLog | None = None
-        self._drawing = threading.Lock()
-        self._top_view: tuple[int, bytes, dict[str, Any]] | None = None
+        self.views = MissionViews(
+            folder / "last_view.npz",
+            moments,
+            saved=lambda: self._record.view_sequence,
+            failed=self._on_moments_failed,
+        )
 
     @property
     def record(self) -> MissionRecord:
@@ -115,43 +112,6 @@ class Mission:
         return self._folder / "process.log"
 
     @property
-    def _view_file(self) -> Path:
-        return self._folder / "last_view.npz"
-
-    @property
-    def view_sequence(self) -> int:
-        """Number of the newest view; 0 = none yet."""
-        view = self._view
-        return view[0] if view is not None else self._record.view_sequence
-
-    def view(self) -> tuple[int, DisplayView] | None:
-        """The newest view and its number; of a mission that has ended, the last one, from its file."""
-        view = self._view
-        if view is not None:
-            return view
-        if self._record.view_sequence == 0:
-            return None
-        stored = load_view(self._view_file)
-        return (self._record.view_sequence, stored) if stored is not None else None
-
-    def picture(self, kind: str) -> Picture | None:
-        """An image of the newest view; None when there is no view."""
-        view = self.view()
-        return picture_of(view[1], view[0], kind) if view is not None else None
-
-    def top_view(self) -> tuple[int, bytes, dict[str, Any]] | None:
-        """The newest map from above as a PNG, after the view's number and before what belongs over it; drawn
-        once for all who look. None when there is no view."""
-        view = self.view()
-        if view is None:
-            return None
-        with self._drawing:
-            if self._top_view is None or self._top_view[0] != view[0]:
-                drawn = top_view(view[1], below_m=self.moments.below_m)
-                self._top_view = (view[0], drawn.png(), top_view_facts(view[1], drawn))
-            return self._top_view
-
-    @property
     def silent_s(self) -> float | None:
         """Seconds since the process was last heard; None when there is no process."""
         heard = self._heard_at
@@ -183,7 +143,7 @@ class Mission:
                 self._require_without_process(command)
             began_before = self._record.started_at is not None
             self._stop_reason = self._end_message = self._phase = self._requested = None
-            self._views_before = self._record.view_sequence
+            self.views.begin()
             self._change(
                 MissionState.STARTING,
                 f"the mission process is starting{' again' if began_before else ''}",
@@ -295,12 +255,12 @@ class Mission:
         self._heard_at = time.monotonic()
         with self._lock:
             if event["kind"] == "telemetry":
-                event["view_sequence"] = self.view_sequence
+                event["view_sequence"] = self.views.sequence
             if event["kind"] == "resumed":
-                self._go_on_from(float(event["time_s"]))
+                self._retelling.go_on_from(float(event["time_s"]), partial_of(self.results_dir))
                 self._ask_again()
             shown = in_degrees(event)
-            is_new = not self._repeats.holds(shown)
+            is_new = self._retelling.is_news(shown)
             if is_new:
                 shown = self.log.append({"received_at": time.time(), **shown})
             if event["kind"] == "phase":
@@ -309,13 +269,11 @@ class Mission:
                 self._stop_reason = str(event["stop_reason"])
                 self._end_message = str(event["message"])
         if is_new and event["kind"] == "telemetry":
-            self._recorder.take_figures(shown)  # it draws and writes: nobody who asks waits for that
+            self.views.take_figures(shown)  # it draws and writes: nobody who asks waits for that
 
     def on_view(self, sequence: int, view: DisplayView) -> None:
         self._heard_at = time.monotonic()
-        self._view = (self._views_before + sequence, view)
-        if view.time_s > self._told_until_s:
-            self._recorder.take_view(view)
+        self.views.take(sequence, view, is_news=view.time_s > self._retelling.told_until_s)
 
     def on_end(self, outcome: Outcome) -> None:
         """Settle the final state. Nothing the process did or failed to do keeps a mission from ending."""
@@ -345,7 +303,7 @@ class Mission:
             found = _end_of_run(self.results_dir)
             if found is None:
                 return False
-            self._tell_what_was_missed(self.results_dir)
+            self._retelling.tell_what_was_missed(self.results_dir)
             self._settle(*found)
             return True
 
@@ -391,27 +349,9 @@ class Mission:
 
     def _interrupt(self, reason: str) -> None:
         """What is known stays, and another process may go on."""
-        views = self._keep_view() or self._record.view_sequence
+        views = self.views.keep() or self._record.view_sequence
         self._supervisor = None
         self._change(MissionState.INTERRUPTED, reason, stop_reason="interrupted", view_sequence=views)
-
-    def _go_on_from(self, time_s: float) -> None:
-        """A process goes on from this moment: what was told of later ones is not told again."""
-        self._tell_what_was_missed(partial_of(self.results_dir), until_s=time_s)
-        told = self.log.told_since(time_s)
-        self._repeats = Repeats(told)
-        self._told_until_s = max((float(event["time_s"]) for event in told), default=time_s)
-
-    def _tell_what_was_missed(self, run: Path, *, until_s: float = math.inf) -> None:
-        """A process that has lost its service goes on for a while, and what it tells then is in its own log
-        alone, in the folder of its run."""
-        newest = self.log.newest("telemetry")
-        since_s = 0.0 if newest is None else float(newest["time_s"])
-        known = Repeats(self.log.told_since(since_s))
-        for event in happened(run / "events.jsonl", since_s=since_s, until_s=until_s):
-            shown = in_degrees(event)
-            if not known.holds(shown):
-                self.log.append({"received_at": time.time(), **shown})
 
     def _require_without_process(self, command: str) -> None:
         """`_require`, for a command that needs a process to be launched."""
@@ -455,24 +395,11 @@ class Mission:
         log.info("the mission is %s: %s", state, reason, extra={"mission": self.id, "state": str(state)})
 
     def _end(self, state: MissionState, reason: str) -> None:
-        sequence = self._keep_view()
+        sequence = self.views.keep()
         self._change(
             state, reason, ended_at=time.time(), stop_reason=self._stop_reason, view_sequence=sequence
         )
-        self._view = None
-
-    def _keep_view(self) -> int:
-        """Write the last view down: missions may be many. Its number, or 0 when there is none."""
-        if self._view is None:
-            return 0
-        sequence, view = self._view
-        self._recorder.finish(view)
-        try:
-            save_view(view, self._view_file)
-        except OSError as error:  # a full disk must not keep a mission from ending
-            log.warning("its last view could not be kept: %s", error, extra={"mission": self.id})
-            return 0
-        return sequence
+        self.views.let_go()
 
     def _on_moments_failed(self, why: str, time_s: float) -> None:
         self.on_event({"kind": "notice", "time_s": time_s, "level": "warning", "message": why})
@@ -485,19 +412,3 @@ def _end_of_run(folder: Path) -> tuple[str | None, str | None] | None:
     except (OSError, ValueError):
         return None
     return report.get("stop_reason"), report.get("stop_message")
-
-
-def in_degrees(value: Any) -> Any:
-    """`value` with every `NAME_rad` entry as `NAME_deg`: outside, angles are in degrees."""
-    if isinstance(value, dict):
-        return dict(_degree_entry(key, entry) for key, entry in value.items())
-    if isinstance(value, list):
-        return [in_degrees(entry) for entry in value]
-    return value
-
-
-def _degree_entry(key: str, value: Any) -> tuple[str, Any]:
-    if key.endswith("_rad"):
-        degrees = None if value is None else math.degrees(value)
-        return f"{key.removesuffix('_rad')}_deg", degrees
-    return key, in_degrees(value)

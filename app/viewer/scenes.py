@@ -57,7 +57,7 @@ class Scenes:
                 scene = MissionScene(self._display, mission.results_dir / "mesh.ply")
                 self._open[mission.id] = scene
                 self._lookers[mission.id] = 0
-                newest = mission.view()
+                newest = mission.views.newest()
                 if newest is not None:
                     scene.show(newest[1])
             self._open.move_to_end(mission.id)
