@@ -13,18 +13,6 @@ namespace nb = nanobind;
 
 namespace {
 
-template <typename T>
-using Grid = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-template <typename T>
-using Vector = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-template <typename T, size_t N>
-nb::ndarray<nb::numpy, T, nb::ndim<N>> owned(std::unique_ptr<T[]> data, const size_t (&shape)[N]) {
-  T* raw = data.release();
-  nb::capsule owner(raw, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return nb::ndarray<nb::numpy, T, nb::ndim<N>>(raw, N, shape, owner);
-}
-
 hgs::FloorGrid floor_of(const Grid<uint8_t>& blocked, const Grid<float>& clearance, const Grid<float>* soft_cost) {
   const auto same = [&](const Grid<float>& other) {
     return other.shape(0) == blocked.shape(0) && other.shape(1) == blocked.shape(1);

@@ -15,19 +15,6 @@ namespace nb = nanobind;
 
 namespace {
 
-template <typename T>
-using Grid = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-template <typename T>
-using Vector = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// A NumPy array that owns `data`.
-template <typename T, size_t N>
-nb::ndarray<nb::numpy, T, nb::ndim<N>> owned(std::unique_ptr<T[]> data, const size_t (&shape)[N]) {
-  T* raw = data.release();
-  nb::capsule owner(raw, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return nb::ndarray<nb::numpy, T, nb::ndim<N>>(raw, N, shape, owner);
-}
-
 void check_cells(const int32_t* cells, size_t n, size_t n_cells) {
   for (size_t k = 0; k < n; ++k)
     if (cells[k] < 0 || static_cast<size_t>(cells[k]) >= n_cells) throw std::out_of_range("cell outside the grid");

@@ -28,10 +28,7 @@ class Differential:
         self.config = config
 
     def first_look(self, state: RobotState) -> Path:
-        """A full turn on the spot: a level camera knows nothing of what is behind it."""
-        turns = state.yaw_rad + np.radians([120.0, 240.0, 360.0])
-        here = np.tile([state.x_m, state.y_m], (len(turns), 1))
-        return Path(positions_m=here, yaws_rad=turns)
+        return Path.full_turn(state.x_m, state.y_m, state.yaw_rad)
 
     def timed(self, path: Path, yaw_rad: float) -> TimedPath:
         """See `Vehicle`: a turn towards every waypoint, a straight way to it, and a turn to its yaw."""

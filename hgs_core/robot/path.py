@@ -40,6 +40,12 @@ class Path:
     def empty() -> Path:
         return Path(positions_m=np.zeros((0, 2)), yaws_rad=np.zeros(0))
 
+    @staticmethod
+    def full_turn(x_m: float, y_m: float, yaw_rad: float) -> Path:
+        """All round on the spot, in three looks: a level camera knows nothing of what is behind it."""
+        turns = yaw_rad + np.radians([120.0, 240.0, 360.0])
+        return Path(positions_m=np.tile([x_m, y_m], (len(turns), 1)), yaws_rad=turns)
+
     def state(self) -> dict[str, Any]:
         """The constructor's arguments."""
         return {field.name: getattr(self, field.name) for field in fields(self)}

@@ -24,20 +24,10 @@ import numpy as np
 import psutil
 from PIL import Image
 
-from tests.mission.small_room import write_small_room
+from tests.mission.small_room import TINY, write_small_room
 
 TARGETS = ("mission", "service", "both")
 PATIENCE_S = 300.0
-TINY = {
-    "sensor": "rgbd_5m_tiny",
-    "evaluate": "false",
-    "threads": "1",
-    "mapping.iterations_per_s": "2.5",
-    "mapping.insertion.widest_factor": "2",
-    "mesh.enabled": "false",
-    "checkpoint.interval_s": "2",
-    "checkpoint.most_share": "1",
-}
 SAME = ("trajectory.txt", "map.ply", "transforms.json")
 
 

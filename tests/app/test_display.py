@@ -25,18 +25,12 @@ from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
 from hgs_core.planning.plan import CandidateStatus, SubspaceState
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
-from tests.app import fake_mission
+from tests.app.fake_world import furnished_room
 
 
 @pytest.fixture(scope="module")
 def mission_view():
-    rng = np.random.default_rng(0)
-    gaussians = GaussianMap()
-    gaussians.append(fake_mission._room(rng), anchor_keyframe=0)
-    robot = fake_mission._robot(0.3, 7)
-    plan = fake_mission._plan(robot, 0.3, rng)
-    trajectory = [np.array([0.1 * k, 0.0, 1.0], np.float32) for k in range(10)]
-    return fake_mission._view(gaussians, VoxelMap(VoxelConfig()), robot, plan, trajectory, 7)
+    return furnished_room()
 
 
 def test_names_on_both_sides_of_the_wire_agree():

@@ -13,10 +13,8 @@ from app.missions.display_builder import display_view
 from app.missions.moment_recorder import MomentRecorder
 from app.missions.moments import MomentArchive, MomentSettings
 from app.missions.top_view import MAX_PX, PIXEL_M, top_view, top_view_facts
-from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap
-from tests.app import fake_mission
 from tests.app.conftest import begin, create, wait_for, wait_until
+from tests.app.fake_world import FURNITURE, ROOM_M, furnished_room, robot_at
 
 BELOW_M = 2.2
 
@@ -24,13 +22,7 @@ BELOW_M = 2.2
 @pytest.fixture(scope="module")
 def view():
     """What a viewer is shown of the furnished fake room, all of it seen."""
-    rng = np.random.default_rng(0)
-    gaussians = GaussianMap()
-    gaussians.append(fake_mission._room(rng), anchor_keyframe=0)
-    robot = fake_mission._robot(0.3, 7)
-    plan = fake_mission._plan(robot, 0.3, rng)
-    trajectory = [np.array([0.1 * k, 0.0, 1.0], np.float32) for k in range(10)]
-    seen = fake_mission._view(gaussians, VoxelMap(VoxelConfig()), robot, plan, trajectory, 7)
+    seen = furnished_room()
     return display_view(seen, max_splats=100_000, max_image_width=640)
 
 
@@ -55,14 +47,14 @@ def pixel_at(drawn, x_m: float, y_m: float) -> list[int]:
 def test_the_map_from_above_shows_furniture_and_floor_where_they_stand(view):
     """Three boxes stand at known corners of a known floor, below a ceiling that is left out."""
     drawn = top_view(view, below_m=BELOW_M)
-    for x, y, colour in fake_mission.FURNITURE:
+    for x, y, colour in FURNITURE:
         found = pixel_at(drawn, x + 0.6, y + 0.4)
         assert found[3] == 255
         # Tints vary by a chequer of 0.12 and some noise.
         np.testing.assert_allclose(np.array(found[:3]) / 255, colour, atol=0.25)
     floor = pixel_at(drawn, 3.0, 4.4)
     np.testing.assert_allclose(np.array(floor[:3]) / 255, (0.55, 0.42, 0.3), atol=0.25)
-    width, depth, _ = fake_mission.ROOM_M
+    width, depth, _ = ROOM_M
     assert drawn.pixel_m == PIXEL_M
     assert -0.6 < drawn.lower_m[0] < 0.0
     assert width < drawn.upper_m[0] < width + 0.6
@@ -91,7 +83,7 @@ def test_a_map_of_nothing_is_one_clear_pixel(view):
 
 def test_what_belongs_over_the_map_is_told_in_metres_and_degrees(view):
     facts = top_view_facts(view, top_view(view, below_m=BELOW_M))
-    robot = fake_mission._robot(0.3, 7)
+    robot = robot_at(0.3, 7)
     assert facts["robot"]["x_m"] == pytest.approx(robot.x_m, abs=1e-3)
     turn = facts["robot"]["yaw_deg"] - np.degrees(robot.yaw_rad)
     assert (turn + 180) % 360 - 180 == pytest.approx(0, abs=0.1)

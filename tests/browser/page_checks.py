@@ -1,6 +1,8 @@
 """What tests of the operator page look at: its figures, its pictures, whether anything lies on anything."""
 
 import io
+import time
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -71,14 +73,23 @@ def wait_for_state(page: Page, word: str) -> None:
     expect(page.locator("#mission-state")).to_contain_text(word, timeout=PATIENCE_MS, ignore_case=True)
 
 
+def wait_until(page: Page, expression: str, arg: Any = None, *, timeout_ms: float = PATIENCE_MS) -> None:
+    """Until an expression, or a function of `arg`, holds. The page's policy forbids `eval`, by which
+    playwright's own `wait_for_function` would look a second time."""
+    late_s = time.monotonic() + timeout_ms / 1000
+    while not page.evaluate(expression, arg):
+        assert time.monotonic() < late_s, f"still not so after {timeout_ms / 1000:.0f} s: {expression}"
+        page.wait_for_timeout(50)
+
+
 def wait_for_number(page: Page, figure: str, above: float) -> None:
-    page.wait_for_function(
+    wait_until(
+        page,
         """([figure, above]) => {
           const text = document.getElementById(`figure-${figure}`).textContent;
           return parseFloat(text.replace(" k", "e3").replace(" M", "e6")) > above;
         }""",
-        arg=[figure, above],
-        timeout=PATIENCE_MS,
+        [figure, above],
     )
 
 

@@ -19,6 +19,7 @@ from tests.browser.page_checks import (
     pixels_of,
     wait_for_number,
     wait_for_state,
+    wait_until,
 )
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(420)]  # two real missions and a minute of clicks
@@ -35,7 +36,7 @@ class RealMissions:
         self.api = httpx.Client(base_url=f"{service.url}api/v1", timeout=60)
         self.ended = self._begin(seed=0, max_time_s=8)
         assert service.missions.get(self.ended).join(2 * PATIENCE_MS / 1000)
-        self.running = self._begin(seed=1)
+        self.running = self._begin(seed=1, scene="building")  # it does not end while it is looked at
 
     def _begin(self, **wish) -> str:
         order = {"scene": "house", "preset": "quick", "overrides": SMALL, **wish}
@@ -98,7 +99,7 @@ def areas(page: Page, kind: str):
 
 
 def test_the_map_from_above_and_the_progress_are_live(page):
-    page.wait_for_function("document.querySelector('top-view .empty').hidden")
+    wait_until(page, "document.querySelector('top-view .empty').hidden")
     assert n_colours(map_pixels(page)) > 60
     expect(page.locator("#progress-time")).to_contain_text("of 1:00:00")
     expect(page.locator("#progress-missing")).to_contain_text("m³")
@@ -114,8 +115,8 @@ def test_charts_tell_the_value_under_the_pointer(page):
     expect(newest).not_to_have_text("–")
     box = chart.locator("canvas").bounding_box()
     page.mouse.move(box["x"] + 44, box["y"] + box["height"] / 2)
-    page.wait_for_function(
-        "document.querySelector('line-chart[data-field=n_gaussians] .title b').textContent !== '–'"
+    wait_until(
+        page, "document.querySelector('line-chart[data-field=n_gaussians] .title b').textContent !== '–'"
     )
     early = newest.text_content()
     page.mouse.move(5, 5)
@@ -205,11 +206,11 @@ def test_orders_hold_once_they_are_sent_and_views_wait_for_approval(page, missio
     waiting = missions.api.get(f"/missions/{missions.running}").json()["approval"]["plan_sequence"]
     expect(page.locator("#mission-reason")).to_contain_text("your word")
     page.click("#approve")
-    page.wait_for_function(
+    wait_until(
+        page,
         """([path, seen]) => fetch(path).then((answer) => answer.json())
           .then(({ approval }) => approval === null || approval.plan_sequence > seen)""",
-        arg=[f"/api/v1/missions/{missions.running}", waiting],
-        timeout=PATIENCE_MS,
+        [f"/api/v1/missions/{missions.running}", waiting],
     )
     page.uncheck("#order-approve_views")
     areas(page, "no_go").get_by_role("button", name="Remove").click()
@@ -246,16 +247,16 @@ def test_events_are_filtered_by_kind_level_and_text(page):
 @pytest.mark.parametrize("which", ["running", "ended"])
 def test_the_timeline_goes_back_and_returns(page, missions, which):
     show(page, getattr(missions, which))
-    page.wait_for_function("Number(document.getElementById('timeline-slider').max) >= 2")
+    wait_until(page, "Number(document.getElementById('timeline-slider').max) >= 2")
     frames = number(page, "frames")
     image = page.get_attribute("#image-observed", "src")
     go_to_moment(page, 0.0)
     expect(page.locator("#timeline-text")).to_contain_text("Past: 0:00")
     expect(page.locator("body")).to_have_class("past")
-    page.wait_for_function(
-        "(frames) => Number(document.getElementById('figure-frames').textContent) < frames", arg=frames
+    wait_until(
+        page, "(frames) => Number(document.getElementById('figure-frames').textContent) < frames", frames
     )
-    page.wait_for_function("(old) => document.getElementById('image-observed').src !== old", arg=image)
+    wait_until(page, "(old) => document.getElementById('image-observed').src !== old", image)
     expect(page.locator("#progress-estimate")).to_have_text("looking at the past")
     page.focus("#timeline-slider")
     page.keyboard.press("ArrowRight")
@@ -278,8 +279,8 @@ def test_two_missions_are_compared(page, missions):
     expect(path.nth(0)).not_to_have_text("–")
     assert any(mark in path.nth(2).text_content() for mark in "▲▼=")
     expect(page.locator("mission-comparison figure img[src]")).to_have_count(8)
-    page.wait_for_function(
-        "document.querySelector('mission-comparison line-chart .title b').textContent.includes(', B')"
+    wait_until(
+        page, "document.querySelector('mission-comparison line-chart .title b').textContent.includes(', B')"
     )
     assert n_colours(pixels_of(page, "comparison-map canvas")) > 40
     expect(page.locator("#stop")).to_be_visible()

@@ -15,6 +15,7 @@ from tests.browser.page_checks import (
     scene_pixels,
     wait_for_number,
     wait_for_state,
+    wait_until,
 )
 
 pytestmark = pytest.mark.timeout(420)
@@ -35,9 +36,7 @@ def test_an_operator_starts_watches_and_stops_a_real_mission(live, open_page):
     scene = page.frame_locator("#scene-view")
     expect(scene.locator("canvas").first).to_be_visible(timeout=PATIENCE_MS)
     for kind in ("observed", "rendered", "depth", "quality"):
-        page.wait_for_function(
-            "(id) => document.getElementById(id).naturalWidth > 0", arg=f"image-{kind}", timeout=PATIENCE_MS
-        )
+        wait_until(page, "(id) => document.getElementById(id).naturalWidth > 0", f"image-{kind}")
     for _ in range(90):  # the camera finds its place and splats fade in
         pixels = scene_pixels(page)
         if pixels.std() > 12 and n_colours(pixels) > 40:
@@ -79,7 +78,7 @@ def test_a_reloaded_page_finds_the_running_mission_again(live, open_page):
 
 def press_outside_the_scene(page: Page, key: str) -> None:
     page.evaluate("document.activeElement.blur()")
-    page.wait_for_function("document.activeElement === document.body")
+    wait_until(page, "document.activeElement === document.body")
     page.keyboard.press(key)
 
 

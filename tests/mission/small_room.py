@@ -5,6 +5,17 @@ from pathlib import Path
 from tests.scene.scans import write_glb
 from tests.scene.worlds import with_boxes
 
+TINY = {
+    "sensor": "rgbd_5m_tiny",
+    "evaluate": "false",
+    "threads": "1",
+    "mapping.iterations_per_s": "2.5",
+    "mapping.insertion.widest_factor": "2",
+    "mesh.enabled": "false",
+    "checkpoint.interval_s": "2",
+    "checkpoint.most_share": "1",
+}
+"""Settings of missions that are killed and go on: a sixteenth of the pixels, and a checkpoint every 2 s."""
 _BOXES = (
     ((-1.0, 0.2, 0.0), (-0.2, 2.0, 1.6)),
     ((1.2, -2.0, 0.0), (1.6, -0.4, 2.2)),

@@ -14,18 +14,8 @@ from hgs_core.mission.events import MissionEvent, MissionView, Telemetry
 from hgs_core.mission.finished_run import resuming_request
 from hgs_core.mission.run import MissionRequest, NoCommands, run_mission
 from hgs_core.mission.state_file import StateWriter
-from tests.mission.small_room import write_small_room
+from tests.mission.small_room import TINY, write_small_room
 
-TINY = {
-    "sensor": "rgbd_5m_tiny",
-    "evaluate": "false",
-    "threads": "1",
-    "mapping.iterations_per_s": "2.5",
-    "mapping.insertion.widest_factor": "2",
-    "mesh.enabled": "false",
-    "checkpoint.interval_s": "2",
-    "checkpoint.most_share": "1",
-}
 MEASURED = (
     *("wall_s", "peak_rss_mib", "planning_s", "mapping_s_per_frame", "real_time_factor", "simulation_wall_s"),
     *("evaluation_s", "curve_wall_s"),
