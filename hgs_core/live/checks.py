@@ -1,0 +1,166 @@
+"""What is checked of a robot's messages before anything is done with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+
+from hgs_core.errors import HgsError, StreamError
+from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.geometry.se3 import SE3
+from hgs_core.live.messages import PROTOCOL, Ack, Bye, CameraFacts, Frame, FromRobot, Hello, Report, ScanPart
+from hgs_core.robot.vehicle import robot_config
+
+MAX_PIXELS: Final = 4_000_000
+MAX_RAYS: Final = 20_000
+MAX_TEXT: Final = 300
+FARTHEST_M: Final = 10_000.0
+"""A pose farther from its origin than this is no pose."""
+MAX_REGION_M: Final = 200.0
+RIGID_TOLERANCE: Final = 1e-3
+"""By how much entries of a rotation times its transpose may differ from the identity's."""
+
+
+class MessageChecks:
+    """The checks of one connection: they know what came before. Each raises `StreamError`."""
+
+    def __init__(self) -> None:
+        self._hello: Hello | None = None
+        self._sequence = -1
+        self._time_s = -math.inf
+
+    def admit(self, message: FromRobot) -> None:
+        """Raises `StreamError` for a message that is not to be passed on; it counts as not sent."""
+        if isinstance(message, Hello):
+            check_hello(message)
+            self._hello, self._sequence, self._time_s = message, -1, -math.inf
+        elif self._hello is None:
+            raise StreamError("the first message must be a hello")
+        elif isinstance(message, Frame):
+            check_frame(message, self._hello.camera)
+            self._check_order(message)
+        elif isinstance(message, Report):
+            check_report(message)
+        elif isinstance(message, Ack | Bye):
+            _check_text(message.reason, "reason")
+
+    def _check_order(self, frame: Frame) -> None:
+        if frame.sequence <= self._sequence:
+            raise StreamError(
+                f"frame {frame.sequence} comes after frame {self._sequence}: numbers must rise, "
+                "and an older frame is of no use"
+            )
+        if frame.time_s <= self._time_s:
+            raise StreamError(
+                f"frame {frame.sequence} was taken at {frame.time_s} s, the one before at {self._time_s} s: "
+                "say hello again if the clock was set"
+            )
+        self._sequence, self._time_s = frame.sequence, frame.time_s
+
+
+def check_hello(hello: Hello) -> None:
+    if hello.protocol != PROTOCOL:
+        raise StreamError(f"protocol {hello.protocol} is not spoken here: this is protocol {PROTOCOL}")
+    _check_text(hello.name, "name")
+    check_camera(hello.camera)
+    if not (_finite([hello.scanner_range_m]) and 0 < hello.scanner_range_m <= FARTHEST_M):
+        raise StreamError(f"scanner_range_m {hello.scanner_range_m}: expected a distance above 0")
+    if hello.robot is not None:
+        try:
+            robot_config(hello.robot)
+        except (HgsError, ValueError) as error:  # pydantic's ValidationError is a ValueError
+            raise StreamError(f"the robot's drive is not understood: {error}") from error
+        if hello.report is None:
+            raise StreamError("a robot that drives must say where it is: its hello has no report")
+    if hello.report is not None:
+        check_report(hello.report)
+    if hello.region_m is not None:
+        _check_region(hello.region_m)
+
+
+def check_camera(camera: CameraFacts) -> None:
+    try:
+        CameraIntrinsics(
+            width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy
+        )
+    except HgsError as error:
+        raise StreamError(f"the camera is none: {error}") from error
+    if camera.width * camera.height > MAX_PIXELS:
+        raise StreamError(
+            f"the camera has {camera.width} x {camera.height} pixels, more than {MAX_PIXELS}: "
+            "scale its images"
+        )
+    numbers = [camera.fx, camera.fy, camera.cx, camera.cy]
+    positive = [camera.range_m, camera.mount_height_m, camera.frame_interval_s]
+    if not _finite([*numbers, *positive]) or min(positive) <= 0:
+        raise StreamError(f"the camera needs finite numbers, and distances and intervals above 0: {camera}")
+
+
+def check_frame(frame: Frame, camera: CameraFacts) -> None:
+    if not _finite([frame.time_s, frame.depth_scale]) or frame.depth_scale <= 0:
+        raise StreamError(
+            f"frame {frame.sequence}: time_s {frame.time_s} and depth_scale {frame.depth_scale} must be "
+            "finite, the scale above 0"
+        )
+    # No encoding makes an image larger than this, but one that hides something else.
+    most = 4 * camera.width * camera.height + 65_536
+    for what, content in (("colour", frame.colour), ("depth", frame.depth)):
+        if not 0 < len(content) <= most:
+            raise StreamError(f"frame {frame.sequence}: {what} of {len(content)} bytes; expected 1 to {most}")
+    if frame.pose is not None:
+        pose_of(frame.pose, f"frame {frame.sequence}")
+    if frame.scan is not None:
+        _check_scan(frame.scan, f"frame {frame.sequence}")
+
+
+def pose_of(numbers: list[float], where: str) -> SE3:
+    """The rigid transform of 16 numbers, row by row. Raises `StreamError` for any other."""
+    if len(numbers) != 16 or not _finite(numbers):
+        raise StreamError(f"{where}: a pose has 16 finite numbers, row by row")
+    matrix = np.array(numbers, dtype=np.float64).reshape(4, 4)
+    rotation, translation = matrix[:3, :3], matrix[:3, 3]
+    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if off > RIGID_TOLERANCE or np.linalg.det(rotation) < 0 or not np.allclose(matrix[3], [0, 0, 0, 1]):
+        raise StreamError(f"{where}: the pose is not rigid (off by {off:.2g})")
+    if np.abs(translation).max() > FARTHEST_M:
+        raise StreamError(f"{where}: the pose lies {np.abs(translation).max():.0f} m from the origin")
+    return SE3(rotation=rotation, translation=translation)
+
+
+def check_report(report: Report) -> None:
+    if not _finite([report.time_s, report.x_m, report.y_m, report.yaw_rad, report.path_length_m]):
+        raise StreamError("a report must hold finite numbers")
+    if max(abs(report.x_m), abs(report.y_m)) > FARTHEST_M:
+        raise StreamError(f"a report from ({report.x_m:.0f}, {report.y_m:.0f}) m: no robot is there")
+    if min(report.path_length_m, report.waypoints_passed, report.command, report.collisions) < 0:
+        raise StreamError("a report counts its path, waypoints, commands and collisions from 0")
+
+
+def _check_scan(scan: ScanPart, where: str) -> None:
+    if len(scan.origin_m) != 3 or not _finite([*scan.origin_m, scan.first_bearing_rad, scan.step_rad]):
+        raise StreamError(f"{where}: a scan needs an origin of 3 finite numbers and finite bearings")
+    if len(scan.ranges_m) % 4 or len(scan.ranges_m) > 4 * MAX_RAYS:
+        raise StreamError(f"{where}: a scan has at most {MAX_RAYS} ranges of 4 bytes")
+    ranges = np.frombuffer(scan.ranges_m, "<f4")
+    if not bool(np.all(ranges >= 0)):  # false for NaN, too
+        raise StreamError(f"{where}: a scan's ranges must be 0 or more")
+
+
+def _check_region(region_m: list[list[float]]) -> None:
+    if len(region_m) != 2 or any(len(corner) != 3 or not _finite(corner) for corner in region_m):
+        raise StreamError("region_m: expected a lower and an upper corner of 3 finite numbers each")
+    size = np.subtract(region_m[1], region_m[0])
+    if size.min() <= 0 or size.max() > MAX_REGION_M:
+        raise StreamError(f"region_m: its sides must be above 0 and at most {MAX_REGION_M:g} m, not {size}")
+
+
+def _check_text(text: str, what: str) -> None:
+    if len(text) > MAX_TEXT or not text.isprintable():
+        raise StreamError(f"{what}: expected at most {MAX_TEXT} printable characters")
+
+
+def _finite(numbers: Iterable[float]) -> bool:
+    return all(math.isfinite(number) for number in numbers)
