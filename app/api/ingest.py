@@ -10,14 +10,17 @@ import anyio
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect, status
 from starlette.concurrency import run_in_threadpool
 
-from app.deps import PrincipalDep, RulesDep, ServiceDep, StreamsDep
+from app.api.robot_view import robot_detail
+from app.deps import MissionDep, PrincipalDep, RulesDep, ServiceDep, StreamsDep
 from app.errors import NotFound
 from app.missions.robot_link import CLOSED, RobotLink
+from app.openapi import problems
+from app.schemas import RobotDetail
 from app.security.access import AccessRules
 from app.security.principal import Principal
 from app.streams import Streams
 
-router = APIRouter(prefix="/ingest", tags=["robots"])
+router = APIRouter(tags=["robots"])
 
 _MOST_WAITING: Final = 200
 _CHECK_S: Final = 1.0
@@ -82,7 +85,17 @@ class _Connection:
                 self._dismiss(4401, "log in again")
 
 
-@router.websocket("/{mission_id}")
+@router.get("/missions/{mission_id}/robot", operation_id="getRobot", responses=problems(404))
+async def get_robot(mission: MissionDep) -> RobotDetail:
+    """Where a live mission's robot is, what it was told last, and how the link to it does."""
+    link = mission.link
+    if link is None:
+        why = "it has no process" if mission.live else "its robot is simulated"
+        raise NotFound(f"mission {mission.id} has no live robot now: {why}")
+    return robot_detail(link)
+
+
+@router.websocket("/ingest/{mission_id}")
 async def ingest(
     websocket: WebSocket,
     mission_id: str,

@@ -234,9 +234,10 @@ class Correspondence:
                 log.warning("%s", error)
                 return
             if content is not None:
-                self._hear(content)
+                self.hear(content)
 
-    def _hear(self, content: bytes) -> None:
+    def hear(self, content: bytes) -> None:
+        """Take in one message, or refuse it."""
         try:
             message = from_robot(content)
             self._checks.admit(message)

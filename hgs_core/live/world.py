@@ -80,8 +80,9 @@ class LiveWorld:
         return self.correspondence.why_wait()
 
     def end(self, reason: str) -> None:
-        """The mission is over: the robot may go."""
+        """The mission is over: once it stands, the robot may go."""
         self.robot.stop()
+        self.robot.advance(self.robot.standing_in_s)
         self.correspondence.send(End(now_s=self.correspondence.now_s, reason=reason))
 
     def leave(self) -> None:

@@ -1,4 +1,4 @@
-"""A robot that obeys at once and perfectly, at the far end of a link: what the mission's side is tested with."""
+"""A robot that obeys at once, at the far end of a link: what the mission's side is tested with."""
 
 from __future__ import annotations
 
@@ -200,12 +200,8 @@ class FarRobot:
     def _frame(self) -> Frame:
         self._sequence += 1
         taken, scan = self.world.camera.capture(), self.world.scanner.scan()
-        return frame_message(
-            taken,
-            scan,
-            sequence=self._sequence,
-            time_s=self.world.robot.state.timestamp_s + 1e-6 * self._sequence,
-        )
+        time_s = self.world.robot.state.timestamp_s + 1e-6 * self._sequence
+        return frame_message(taken, scan, sequence=self._sequence, time_s=time_s)
 
 
 def frame_message(taken: sensing.Frame, scan: sensing.Scan | None, *, sequence: int, time_s: float) -> Frame:
