@@ -218,7 +218,7 @@ def test_a_mission_that_goes_on_counts_on(call: Call) -> None:
 
 def test_a_lens_is_undone_and_another_depth_camera_aligned(call: Call) -> None:
     """A pincushion lens, and a depth camera of half the pixels beside it: frames are those of one pinhole."""
-    lens = LensFacts(model="plumb_bob", coefficients=[0.2, 0.0, 0.0, 0.0])
+    lens = LensFacts(model="plumb_bob", coefficients=[0.6, 0.0, 0.0, 0.0])
     beside = np.eye(4)
     beside[0, 3] = 0.05
     depth = DepthCameraFacts(
