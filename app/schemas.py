@@ -327,6 +327,60 @@ class Login(ApiModel):
     """An operator's or a viewer's token."""
 
 
+class RobotReport(ApiModel):
+    """Where a live robot says that it is."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+    path_length_m: float
+    standing: bool
+    command: int
+    """The newest command that it obeys."""
+    waypoints_passed: int
+    collisions: int
+
+
+class RobotCommand(ApiModel):
+    """What a live robot was told last."""
+
+    type: Literal["path", "stop"]
+    command: int
+    """Its number; later commands have higher ones."""
+    age_s: float
+    """Since it was given [s]. A path is not to be taken up later than `valid_for_s` after that."""
+    reason: str | None = None
+    """Of a stop."""
+    valid_for_s: float | None = None
+    positions_m: list[list[float]] | None = None
+    yaws_deg: list[float | None] | None = None
+    """Heading to take up, standing, at a waypoint; null = drive on."""
+    headings_deg: list[float] | None = None
+    """Of a car, at every waypoint."""
+    timed: dict[str, list[float]] | None = None
+    """When to be where: columns `t_s`, `x_m`, `y_m`, `yaw_deg`, `speed_mps`, `curvature_1pm`."""
+
+
+class RobotDetail(ApiModel):
+    """A live mission's robot and the link to it; without a process there is none."""
+
+    connected: bool
+    robot: str | None
+    """As it calls itself; none before its first hello."""
+    connections: int
+    """So far, of this process's."""
+    frames: int
+    """Well-formed ones that came."""
+    frames_dropped: int
+    """Of these, overtaken by newer ones before the mission took them."""
+    refused: int
+    """Messages that broke the protocol."""
+    heard_at: float | None
+    """When the newest message came, Unix time [s]."""
+    report: RobotReport | None
+    command: RobotCommand | None
+
+
 class SessionInfo(ApiModel):
     login_required: bool
     """Whether tokens are set; otherwise everyone on this machine is an operator."""

@@ -92,7 +92,7 @@ class LimitSettings(StrictConfig):
     """Largest body of a request [B]."""
     head_bytes: int = Field(32 * 1024, ge=1024)
     """Largest head of a request, all its header fields together [B]."""
-    message_bytes: int = Field(1024 * 1024, ge=1024)
+    message_bytes: int = Field(4 * 1024 * 1024, ge=1024)
     """Largest message that a WebSocket client may send [B]."""
     header_s: float = Field(10.0, gt=0)
     """Until a request's head must have come [s]."""

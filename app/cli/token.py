@@ -10,7 +10,7 @@ from app.cli.console import ERRORS, OUTPUT
 
 
 def token(
-    role: Annotated[str, typer.Argument(help="operator or viewer")],
+    role: Annotated[str, typer.Argument(help="operator, viewer or robot")],
     name: Annotated[str, typer.Argument(help="Who will hold it, for the audit.")],
 ) -> None:
     """Make a token: its line for the file that HGS_TOKEN_FILE names goes to standard output, the token itself

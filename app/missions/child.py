@@ -62,8 +62,10 @@ class ChildTask:
     orphan_s: float
 
 
-def run_child(task: ChildTask, events: Connection, commands: Connection) -> None:
-    """Entry point of the spawned process."""
+def run_child(
+    task: ChildTask, events: Connection, commands: Connection, robot: Connection | None = None
+) -> None:
+    """Entry point of the spawned process. `robot` leads to the robot of a live mission."""
     _write_output_to(Path(task.log_file))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the service, which stops its mission
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -79,7 +81,7 @@ def run_child(task: ChildTask, events: Connection, commands: Connection) -> None
     receiver = CommandReceiver(commands)
     _watch_parent(receiver, task.orphan_s)
     slot = ArraySlot.attach(task.slot_name)
-    code = _run(task, sender, receiver, slot)
+    code = _run(task, sender, receiver, slot, robot)
     slot.close()
     sender.close()
     with contextlib.suppress(OSError):
@@ -88,8 +90,15 @@ def run_child(task: ChildTask, events: Connection, commands: Connection) -> None
     sys.exit(code)
 
 
-def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: ArraySlot) -> int:
+def _run(
+    task: ChildTask,
+    sender: EventSender,
+    receiver: CommandReceiver,
+    slot: ArraySlot,
+    robot: Connection | None,
+) -> int:
     try:
+        from hgs_core.live.link import PipeLink
         from hgs_core.mission.request import MissionRequest
 
         module, _, function = task.runner.partition(":")
@@ -109,6 +118,7 @@ def _run(task: ChildTask, sender: EventSender, receiver: CommandReceiver, slot: 
             request,
             observer=_Observer(task, sender, slot),
             commands=_Commands(receiver, sender),
+            **({} if robot is None else {"link": PipeLink(robot, name=task.mission_id)}),
         )
     except Exception as error:
         with contextlib.suppress(OSError):  # a full disk takes no output either

@@ -18,6 +18,7 @@ from app.missions.event_log import EventLog
 from app.missions.mission_views import MissionViews
 from app.missions.moments import MomentArchive
 from app.missions.retelling import Retelling
+from app.missions.robot_link import RobotLink
 from app.missions.states import COMMANDS, DIRECTABLE, TRANSITIONS, MissionState
 from app.missions.supervisor import Outcome, Supervisor
 from app.storage.database import StorageError
@@ -26,6 +27,7 @@ from app.storage.tables import FilesKept, MissionRecord
 from hgs_core.mission.commands import Decide, Direct, as_text
 from hgs_core.mission.folder import partial_of
 from hgs_core.planning.directives import Directives
+from hgs_core.scene.sources.live import LIVE
 
 log = logging.getLogger(__name__)
 
@@ -97,6 +99,17 @@ class Mission:
     def pid(self) -> int | None:
         supervisor = self._supervisor
         return supervisor.pid if supervisor is not None and self.state.active else None
+
+    @property
+    def live(self) -> bool:
+        """Whether its robot is a live one."""
+        return self._record.scene_source == LIVE
+
+    @property
+    def link(self) -> RobotLink | None:
+        """The way to its robot; None without a process, or where the robot is simulated."""
+        supervisor = self._supervisor
+        return supervisor.link if supervisor is not None and self.state.active else None
 
     @property
     def folder(self) -> Path:
@@ -284,7 +297,7 @@ class Mission:
                 self._settle(self._stop_reason, self._end_message)
             elif self.settle_by_results():
                 log.warning("mission %s had come to its end: %s", self.id, outcome.error)
-            elif outcome.forced and outcome.stopped:
+            elif outcome.stopped and (outcome.forced or outcome.final):
                 self._end(MissionState.ABORTED, outcome.error)
             elif outcome.final:
                 self._end(MissionState.FAILED, outcome.error)

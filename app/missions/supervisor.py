@@ -19,8 +19,10 @@ from structlog.contextvars import bind_contextvars
 
 from app.missions.child import EXIT_ORPHANED, ChildTask, run_child
 from app.missions.display import DisplayView
+from app.missions.robot_link import RobotLink
 from app.missions.transport import ArraySlot
 from app.settings import SupervisionSettings
+from hgs_core.scene.sources.live import LIVE
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +72,12 @@ class Supervisor:
         self._on_dropped = on_dropped
         self._events, child_events = _SPAWN.Pipe(duplex=False)
         child_commands, self._commands = _SPAWN.Pipe(duplex=False)
+        self.link: RobotLink | None = None
+        """To the process of a mission with a live robot."""
+        child_link = None
+        if task.scene == LIVE:
+            ours, child_link = _SPAWN.Pipe(duplex=True)
+            self.link = RobotLink(ours)
         # Room for orders that a busy process has not read yet: STOP must never wait to be written.
         fcntl.fcntl(self._commands.fileno(), fcntl.F_SETPIPE_SZ, _ORDERS_BYTES)
         self._send_lock = threading.Lock()
@@ -82,13 +90,15 @@ class Supervisor:
         self._verdict: dict[str, Any] | None = None
         self._process = _SPAWN.Process(
             target=run_child,
-            args=(task, child_events, child_commands),
+            args=(task, child_events, child_commands, child_link),
             name=f"mission {task.scene}",
             daemon=True,
         )
         self._process.start()
         child_events.close()
         child_commands.close()
+        if child_link is not None:
+            child_link.close()
         self._thread = threading.Thread(target=self._run, name="mission-supervisor", daemon=True)
 
     @property
@@ -98,6 +108,8 @@ class Supervisor:
     def listen(self) -> None:
         """Begin to pass on what the process says."""
         self._thread.start()
+        if self.link is not None:
+            self.link.begin()
 
     def send(self, command: str) -> None:
         """Pass a command on. A process that is gone is no error: its end is reported by `on_end`."""
@@ -108,6 +120,8 @@ class Supervisor:
         """Ask the process to stop; calling it again changes nothing."""
         if not self._stop_requested.is_set():
             self._stop_requested.set()
+            if self.link is not None:
+                self.link.halt("the operator stops the mission")
             self.send("stop")
 
     def suspend(self) -> None:
@@ -136,6 +150,8 @@ class Supervisor:
         with self._send_lock:
             self._commands.close()
         self._slot.close()
+        if self.link is not None:
+            self.link.close("the mission's process has ended")
         self._on_end(self._outcome())
 
     def _listen_to_the_end(self) -> None:

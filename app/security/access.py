@@ -24,6 +24,7 @@ from app.settings import AccessSettings, is_loopback
 COOKIE: Final = "hgs_session"
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 SESSION_PATH: Final = "/api/v1/session"
+INGEST_PATH: Final = "/api/v1/ingest/"
 
 METRICS_PATH: Final = "/metrics"
 _CLOSED: Final = ("/api/", "/viewer/", "/openapi.json", METRICS_PATH)
@@ -115,6 +116,12 @@ class AccessRules:
             return
         if principal is None:
             raise Unauthorized("show a token (Authorization: Bearer ...) or log in")
+        if path.startswith(INGEST_PATH):
+            if principal.role is Role.VIEWER:
+                raise Forbidden(f"{principal.name} is a viewer; this needs a robot or an operator")
+            return
+        if principal.role is Role.ROBOT:
+            raise Forbidden(f"{principal.name} is a robot, which may connect to {INGEST_PATH}MISSION alone")
         changes = scope["type"] == "http" and scope["method"] not in SAFE_METHODS
         if changes and principal.role is not Role.OPERATOR:
             raise Forbidden(f"{principal.name} is a {principal.role}; this needs an operator")

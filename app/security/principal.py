@@ -17,6 +17,8 @@ class Role(StrEnum):
     VIEWER = "viewer"
     """Sees everything, changes nothing."""
     OPERATOR = "operator"
+    ROBOT = "robot"
+    """Sends frames to missions and takes their commands; sees and changes nothing else."""
 
 
 class Proof(StrEnum):

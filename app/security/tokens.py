@@ -126,7 +126,7 @@ def _listed(path: Path) -> list[Token]:
         match = _LINE.fullmatch(text)
         if match is None or match["role"] not in set(Role) or match["name"] in (ANYONE, UNKNOWN):
             raise ConfigError(
-                f"{path}, line {number} is not `ROLE NAME sha256:HASH` with role viewer or operator; "
+                f"{path}, line {number} is not `ROLE NAME sha256:HASH` with role viewer, robot or operator; "
                 "`hgs token ROLE NAME` prints such a line"
             )
         tokens.append(Token(name=match["name"], role=Role(match["role"]), digest=match["digest"]))

@@ -104,7 +104,7 @@ def run_gain_benchmark(
         poses = draw_poses(np.array(recorder.places_m), n_views, np.random.default_rng(request.seed))
         coverage, quality = _compare(parts.mapper.snapshot(), config, poses, progress)
         return GainBenchmark(
-            scene=parts.scene.name,
+            scene=parts.name,
             preset=request.preset,
             seed=request.seed,
             time_s=time_s,

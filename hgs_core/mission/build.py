@@ -1,4 +1,4 @@
-"""The composition root: from a preset, a scene and a seed to a mission ready to run."""
+"""The composition root: from a preset, a scene (or a robot) and a seed to a mission ready to run."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from hgs_core.geometry.boxes import Box
+from hgs_core.live.world import LiveWorld
 from hgs_core.mapping.mapper import Mapper
-from hgs_core.mission.clock import clock_of
+from hgs_core.mission.clock import Clock, clock_of
 from hgs_core.mission.commands import CommandSource
 from hgs_core.mission.config import MissionConfig
 from hgs_core.mission.curve_recorder import CurveRecorder
 from hgs_core.mission.events import MissionObserver
+from hgs_core.mission.live_clock import LiveClock
 from hgs_core.mission.mission import Mission
 from hgs_core.mission.old_map import OldMap
 from hgs_core.planning.navigator import Navigator
@@ -23,7 +25,9 @@ from hgs_core.planning.plan import Planner
 from hgs_core.planning.registry import build_planner
 from hgs_core.planning.survey import PlannerContext
 from hgs_core.robot.vehicle import vehicle_of
+from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.scene import Scene, open_scene
+from hgs_core.sensing.frame import Frame
 from hgs_core.simulation.world import SimulatedWorld
 
 _REGION_MARGIN_M = 0.2
@@ -33,13 +37,25 @@ _REGION_MARGIN_M = 0.2
 class MissionParts:
     """A mission and what its report needs of the world that it runs in."""
 
-    scene: Scene
-    world: SimulatedWorld
+    name: str
+    """Of the scene, or of the robot."""
+
+    scene: Scene | None
+    """The truth, where it is known: that of a simulated world."""
+    world: SimulatedWorld | LiveWorld
     mapper: Mapper
     mission: Mission
     planner: Planner
     curve: CurveRecorder | None
     """Records how complete the map is meanwhile, where that is wanted."""
+
+    @property
+    def start(self) -> StartPose:
+        """Where the mission began; of a robot that was resumed, where it is."""
+        if self.scene is not None:
+            return self.scene.start
+        here = self.world.robot.state
+        return StartPose(x_m=here.x_m, y_m=here.y_m, yaw_rad=here.yaw_rad)
 
     def state(self) -> dict[str, Any]:
         """Everything that the rest of the mission depends on, to be taken between two frames."""
@@ -67,24 +83,17 @@ def build_mission(
     commands: CommandSource,
     why_wait: Callable[[], str | None] = lambda: None,
     old_map: OldMap | None = None,
+    live: LiveWorld | None = None,
 ) -> MissionParts:
-    """Open the scene and put everything together. The only place that knows both maps and simulator.
+    """Open the scene, unless the world is a `live` one, and put everything together. The only place that
+    knows both maps and simulator.
 
     The region to explore is the scene's bounding box, as an operator would give it; the planner knows
     nothing else of the scene. Raises `SceneError` when the scene cannot serve.
     """
     world_seeds, mapper_seed, planner_seed = np.random.SeedSequence(seed).spawn(3)
-    scene = open_scene(
-        scene_source, config.scene, radius_m=config.robot.radius_m, height_m=config.robot.height_m
-    )
-    world = SimulatedWorld.of(
-        scene,
-        robot=config.robot,
-        camera=config.sensor.camera,
-        scanner=config.sensor.scanner,
-        seeds=world_seeds,
-    )
-    region = scene.bounds.expanded(_REGION_MARGIN_M)
+    far_side = _simulated(config, scene_source, world_seeds) if live is None else _lived(live, config)
+    scene, world, region, clock = far_side.scene, far_side.world, far_side.region, far_side.clock
     mapper = build_mapper(
         config, region=region, keyframe_folder=keyframe_folder, rng=np.random.default_rng(mapper_seed)
     )
@@ -95,9 +104,8 @@ def build_mission(
         camera_range_m=config.sensor.camera.range_m,
         region=region,
     )
-    clock = clock_of(config.clock, config.sensor.camera.frame_interval_s)
     curve = None
-    if config.curve_interval_m > 0:
+    if config.curve_interval_m > 0 and scene is not None:
         observer = curve = CurveRecorder.of(scene, config, mapper=mapper, clock=clock, observer=observer)
     planner = build_planner(config.planner, context)
     if old_map is not None:
@@ -116,11 +124,61 @@ def build_mission(
         commands=commands,
         navigator=Navigator(config.planner, config.robot),
         directives=config.directives,
-        why_wait=why_wait,
+        why_wait=why_wait if live is None else lambda: live.why_wait() or why_wait(),
+        why_over=_never if live is None else lambda: live.over,
+        on_mapped=_nobody if live is None else live.mapped,
     )
     return MissionParts(
-        scene=scene, world=world, mapper=mapper, mission=mission, planner=planner, curve=curve
+        name=far_side.name,
+        scene=scene,
+        world=world,
+        mapper=mapper,
+        mission=mission,
+        planner=planner,
+        curve=curve,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _FarSide:
+    """What lies behind the seams, and the time that passes there."""
+
+    name: str
+    scene: Scene | None
+    world: SimulatedWorld | LiveWorld
+    region: Box | None
+    clock: Clock
+
+
+def _simulated(config: MissionConfig, source: str, seeds: np.random.SeedSequence) -> _FarSide:
+    scene = open_scene(source, config.scene, radius_m=config.robot.radius_m, height_m=config.robot.height_m)
+    world = SimulatedWorld.of(
+        scene,
+        robot=config.robot,
+        camera=config.sensor.camera,
+        scanner=config.sensor.scanner,
+        seeds=seeds,
+    )
+    return _FarSide(
+        name=scene.name,
+        scene=scene,
+        world=world,
+        region=scene.bounds.expanded(_REGION_MARGIN_M),
+        clock=clock_of(config.clock, config.sensor.camera.frame_interval_s),
+    )
+
+
+def _lived(world: LiveWorld, config: MissionConfig) -> _FarSide:
+    clock = LiveClock(world.correspondence, config.sensor.camera.frame_interval_s)
+    return _FarSide(name=world.name, scene=None, world=world, region=world.region, clock=clock)
+
+
+def _never() -> str | None:
+    return None
+
+
+def _nobody(_: Frame) -> None:
+    """Nobody asks."""
 
 
 def build_mapper(

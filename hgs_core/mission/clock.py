@@ -38,13 +38,19 @@ class Clock(Protocol):
     """Mission time. It is handed out in pieces, each of which the robot then lives through."""
 
     kind: ClockKind
+    world_goes_on: bool
+    """Whether the robot lives on while the loop is busy, and must be told to stand where it should."""
 
     def elapsed_s(self, *, nominal_s: float) -> float:
         """Mission seconds since the latest moment told, for a step whose nominal cost is `nominal_s`."""
         ...
 
     def stopped(self) -> AbstractContextManager[None]:
-        """Mission time stands still inside: a pause, or the simulator at work."""
+        """The simulator is at work inside: mission time stands still."""
+        ...
+
+    def paused(self) -> AbstractContextManager[None]:
+        """The mission waits inside: mission time stands still."""
         ...
 
     @property
@@ -67,6 +73,7 @@ class LockstepClock:
     """Every step takes its nominal time; a frame is due one interval after the step before it."""
 
     kind = ClockKind.LOCKSTEP
+    world_goes_on = False
     time_left = None
 
     def __init__(self, frame_interval_s: float) -> None:
@@ -76,6 +83,9 @@ class LockstepClock:
         return nominal_s
 
     def stopped(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def paused(self) -> AbstractContextManager[None]:
         return nullcontext()
 
     def next_frame(self, *, interrupted: Callable[[], bool]) -> NextFrame:
@@ -97,6 +107,7 @@ class RealClock:
     """
 
     kind = ClockKind.REAL
+    world_goes_on = False
 
     def __init__(
         self,
@@ -125,6 +136,9 @@ class RealClock:
             yield
         finally:
             self._began_s = self._now() - time_s
+
+    def paused(self) -> AbstractContextManager[None]:
+        return self.stopped()
 
     @property
     def time_left(self) -> Callable[[], bool] | None:

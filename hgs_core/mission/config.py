@@ -12,6 +12,7 @@ from pydantic import Field, SerializeAsAny, ValidationError
 from hgs_core.config.base import StrictConfig
 from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError, Fault
+from hgs_core.live.config import LiveConfig
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
@@ -75,6 +76,8 @@ class MissionConfig(StrictConfig):
     clock: ClockKind = ClockKind.LOCKSTEP
     """`lockstep`: mission time is counted, and the same seed gives the same mission; `real`: it is wall time,
     the simulator's excepted, and mapper and planner must keep up."""
+    live: LiveConfig = LiveConfig()
+    """What holds where the robot is a live one (scene `live`)."""
     checkpoint: CheckpointConfig = CheckpointConfig()
     threads: int = Field(2, ge=1)
     """Threads of every kernel; part of what makes a run repeatable."""

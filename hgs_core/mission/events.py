@@ -41,6 +41,7 @@ class StopReason(StrEnum):
     TIME_LIMIT = "time_limit"
     STUCK = "stuck"
     PATH_BUDGET = "path_budget"
+    STREAM_ENDED = "stream_ended"
     FAILED = "failed"
 
 

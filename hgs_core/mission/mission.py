@@ -64,8 +64,12 @@ class Mission:
         navigator: Navigator,
         directives: Directives,
         why_wait: Callable[[], str | None] = lambda: None,
+        why_over: Callable[[], str | None] = lambda: None,
+        on_mapped: Callable[[Frame], None] = lambda _: None,
     ) -> None:
-        """`why_wait` is asked before every frame: a reason why there can be none now, or None."""
+        """`why_wait` is asked before every frame: a reason why there can be none now, or None; `why_over`:
+        why there will be none any more. `on_mapped` is told of every frame that is in the map.
+        """
         self.record = MissionRecord()
         self._robot = robot
         self._sensor = sensor
@@ -76,6 +80,8 @@ class Mission:
         self._clock = clock
         self._observer = observer
         self._why_wait = why_wait
+        self._why_over = why_over
+        self._on_mapped = on_mapped
         self._operator = Operator(commands)
         self._pilot = Pilot(
             robot=robot,
@@ -88,6 +94,7 @@ class Mission:
             clock=clock,
             operator=self._operator,
             directives=directives,
+            why_over=why_over,
             tell=observer.on_event,
         )
         self.record.planning = self._pilot.planning
@@ -107,6 +114,8 @@ class Mission:
             self._wait_until_possible()
             if self._operator.suspend_requested and not self._operator.stop_requested:
                 return self.record
+            if self._operator.stop_requested and self._pilot.should_end():
+                continue
             self.step()
             if self._pilot.ended is None:
                 between_frames()
@@ -186,6 +195,7 @@ class Mission:
         self._mapper.integrate_scan(scan)
         report = self._mapper.integrate(frame, may_thin=self._clock.kind is ClockKind.REAL)
         self.record.mapping_s.append(time.perf_counter() - began)
+        self._on_mapped(frame)
         self.record.frames_thinned += report.thinned
         self.record.poses.append(frame.T_world_camera)
         self.record.timestamps_s.append(frame.timestamp_s)
@@ -204,9 +214,10 @@ class Mission:
         due = self._clock.next_frame(interrupted=self._stop_pending)
         if self._pilot.awaits is not None and self._clock.kind is ClockKind.LOCKSTEP:
             self._let_the_operator_think(due.after_s)
-        if self._operator.stop_requested and self._pilot.should_end():
-            return
         self.record.frames_dropped += due.dropped
+        is_last = self._operator.stop_requested or self._why_over() is not None
+        if is_last and self._pilot.should_end():
+            return
         self._pilot.live_through(due.after_s)
 
     def _let_the_operator_think(self, interval_s: float) -> None:
@@ -226,8 +237,9 @@ class Mission:
         self._take_directives()
         if not operator.pause_requested or operator.wants_an_end:
             return
+        self._hold("the operator lets it go on")
         self._announce(MissionPhase.PAUSED, "paused by command")
-        with self._clock.stopped():
+        with self._clock.paused():
             while operator.pause_requested and not operator.wants_an_end:
                 time.sleep(_POLL_S)
                 operator.listen()
@@ -242,13 +254,20 @@ class Mission:
         reason = self._why_wait()
         if reason is None:
             return
+        self._hold("what it waited for is there")
         self._announce(MissionPhase.PAUSED, reason)
-        with self._clock.stopped():
+        with self._clock.paused():
             while self._why_wait() is not None and not self._operator.wants_an_end:
                 time.sleep(_WAIT_POLL_S)
                 self._operator.listen()
         if not self._operator.wants_an_end:
             self._announce(self._pilot.phase, "going on: what it waited for is there")
+
+    def _hold(self, why_on: str) -> None:
+        """A robot that lives on must stand while the mission waits; one that stands still with mission time
+        drives on afterwards as if nothing had been."""
+        if self._clock.world_goes_on:
+            self._pilot.hold(why_on)
 
     def _take_directives(self) -> None:
         directives = self._operator.take_directives()

@@ -61,6 +61,7 @@ class Pilot:
         clock: Clock,
         operator: Operator,
         directives: Directives,
+        why_over: Callable[[], str | None],
         tell: Callable[[MissionEvent], None],
     ) -> None:
         self.plan: Plan | None = None
@@ -78,6 +79,7 @@ class Pilot:
         self._limits = limits
         self._clock = clock
         self._operator = operator
+        self._why_over = why_over
         self._tell = tell
         self._bounds = Bounds(directives, robot=robot, mapper=mapper, planner=planner, navigator=navigator)
         self._plan_sequence = 0
@@ -126,6 +128,12 @@ class Pilot:
             )
         )
 
+    def hold(self, why_on: str) -> None:
+        """Let the robot stand until the next decision, which makes another plan: `why_on` says why."""
+        self._robot.stop()
+        if self.plan is not None and not self._awaits_approval:
+            self._why_replan = why_on
+
     def decide(self) -> None:
         """After a frame has been taken in: whether the mission is over, and else what to drive to."""
         if not self.should_end():
@@ -137,6 +145,8 @@ class Pilot:
             return True
         if self._operator.stop_requested:
             self._end(self._ended_by(StopReason.INTERRUPTED, "stopped by command"))
+        elif (over := self._why_over()) is not None:
+            self._end(self._ended_by(StopReason.STREAM_ENDED, over))
         elif self._ending is not None:
             pass  # on the way back, which `_drive_back` brings to its end
         elif self._time_s >= self._limits.max_time_s:

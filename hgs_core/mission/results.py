@@ -27,6 +27,7 @@ from hgs_core.mission.record import MissionRecord
 from hgs_core.mission.request import MissionRequest
 from hgs_core.mission.versions import software_versions
 from hgs_core.native import kernels
+from hgs_core.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ def fused_mesh(folder: Path, config: MissionConfig, progress: Progress) -> Surfa
 def evaluated(
     config: MissionConfig,
     parts: MissionParts,
+    scene: Scene,
     record: MissionRecord,
     mesh: SurfaceMesh | None,
     progress: Progress,
@@ -63,9 +65,9 @@ def evaluated(
     """The map, and `mesh` beside it, against the true scene."""
     progress("comparing the map with the true surface")
     return evaluate_mission(
-        scene=parts.scene,
-        caster=parts.scene.caster,
-        start_xy=(parts.scene.start.x_m, parts.scene.start.y_m),
+        scene=scene,
+        caster=scene.caster,
+        start_xy=(scene.start.x_m, scene.start.y_m),
         gaussians=parts.mapper.gaussians,
         mesh=mesh,
         training_poses=_batched([*parts.mapper.keyframes.inherited, *record.poses]),
@@ -96,7 +98,7 @@ def report_of(
     """The figures that need no evaluation."""
     state, curve = parts.world.robot.state, parts.curve
     return MissionReport.compose(
-        scene=parts.scene.name,
+        scene=parts.name,
         seed=request.seed,
         preset=request.preset,
         planner=request.planner or request.preset,

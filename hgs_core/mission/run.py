@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import resource
+from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
-from hgs_core.errors import CheckpointError, HgsError
+from hgs_core.errors import CheckpointError, ConfigError, HgsError
 from hgs_core.evaluation.report import MissionReport
+from hgs_core.live.link import Link
+from hgs_core.live.world import LiveWorld
 from hgs_core.mission.build import MissionParts, build_mission
 from hgs_core.mission.checkpoint import Checkpoint, CheckpointFolder
 from hgs_core.mission.checkpoint_keeper import CheckpointKeeper, CheckpointTold
@@ -26,6 +29,7 @@ from hgs_core.mission.events import (
 )
 from hgs_core.mission.finished_run import FinishedRun, write_run_config
 from hgs_core.mission.folder import EventLog, RunFolder, partial_of
+from hgs_core.mission.live import OrdersBefore, Suspended, meet_robot
 from hgs_core.mission.old_map import OldMap
 from hgs_core.mission.record import MissionRecord
 from hgs_core.mission.report_page import write_report_page
@@ -33,13 +37,19 @@ from hgs_core.mission.request import MissionRequest as MissionRequest
 from hgs_core.mission.results import Progress, evaluated, fused_mesh, report_of, write_results
 from hgs_core.mission.versions import software_versions
 from hgs_core.native import kernels
+from hgs_core.scene.sources.live import LIVE
 
 
 def run_mission(
-    request: MissionRequest, *, observer: MissionObserver, commands: CommandSource
+    request: MissionRequest,
+    *,
+    observer: MissionObserver,
+    commands: CommandSource,
+    link: Link | None = None,
 ) -> MissionReport | None:
     """Run one mission and write its folder. Blocks until it has ended and been evaluated, or was suspended:
-    then there is no report yet, and a request with `resume` goes on.
+    then there is no report yet, and a request with `resume` goes on. A mission in the scene `live` meets its
+    robot over `link`.
 
     An interrupted mission leaves a complete folder at once, without the mesh and the quality figures that
     take their time (`hgs mesh`, `hgs evaluate` and `hgs report` add them). Raises `ConfigError` or
@@ -47,6 +57,8 @@ def run_mission(
     whose folder stays as it is; a later `HgsError` ends the mission with `failed`.
     """
     request, config = _resolved(request)
+    if (request.scene == LIVE) != (link is not None):
+        raise ConfigError(_WRONG_LINK)
     folder = RunFolder.take_up(request.out) if request.resume else RunFolder.new(request.out)
     if folder is None:
         return _told_again(request, observer)
@@ -54,39 +66,95 @@ def run_mission(
     with folder:
         log = EventLog(folder.events, observer)
         try:
-            return _Run(request, config, folder, log).to_its_end(commands)
+            return _Run(request, config, folder, log, link).to_its_end(commands)
         finally:
             log.close()
+
+
+_WRONG_LINK: Final = (
+    f"a mission in the scene {LIVE!r}, and no other, meets its robot over a link: start it with `hgs serve`, "
+    "and let a robot connect"
+)
 
 
 class _Run:
     """One process's part in a mission: all of it, or from a checkpoint on."""
 
     def __init__(
-        self, request: MissionRequest, config: MissionConfig, folder: RunFolder, log: EventLog
+        self,
+        request: MissionRequest,
+        config: MissionConfig,
+        folder: RunFolder,
+        log: EventLog,
+        link: Link | None,
     ) -> None:
         self._request = request
         self._config = config
         self._folder = folder
         self._log = log
+        self._link = link
         self._checkpoints = CheckpointFolder(folder.partial, folder.checkpoints)
         self._earlier_rss_mib = 0.0
 
     def to_its_end(self, commands: CommandSource) -> MissionReport | None:
         """See `run_mission`."""
         checkpoint = None if self._folder.is_new else self._take_up()
-        parts = self._build(commands, checkpoint)
-        keeper = self._keeper(parts)
-        try:
-            record = _explored(parts, keeper)
-            if record.stop_reason is None:
-                self._suspend(parts, keeper)
-                return None
-        finally:
-            keeper.finish()
+        with ExitStack() as held:
+            live = None
+            if self._link is not None:
+                orders = commands = OrdersBefore(commands)
+                live = self._meet(self._link, orders, known=checkpoint is not None, held=held)
+                if live is None:
+                    return None
+            parts = self._build(commands, checkpoint, live)
+            keeper = self._keeper(parts)
+            try:
+                record = _explored(parts, keeper)
+                if record.stop_reason is None:
+                    self._suspend(parts, keeper)
+                    return None
+            finally:
+                keeper.finish()
+            if live is not None:
+                live.end(record.message)
         report = self._write(parts, record)
         self._folder.complete()
         return report
+
+    def _meet(self, link: Link, orders: OrdersBefore, *, known: bool, held: ExitStack) -> LiveWorld | None:
+        """The robot's world, once it has said hello; None where the mission was suspended before. What the
+        robot carries and how it drives takes the place of the preset's. `held` lets the robot go."""
+        log = self._log
+
+        def say(reason: str) -> None:
+            log.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason=reason))
+
+        def notice(time_s: float, message: str) -> None:
+            log.on_event(Notice(time_s=time_s, level="warning", message=message))
+
+        try:
+            self._config, world = meet_robot(
+                link,
+                self._config,
+                known=known,
+                orders=orders,
+                say=say,
+                notice=notice,
+            )
+        except Suspended:
+            reason = "nothing could be saved: it would start again"
+            log.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.SUSPENDED, reason=reason))
+            return None
+        except HgsError:
+            self._leave_nothing()
+            raise
+        held.callback(world.leave)
+        return world
+
+    def _leave_nothing(self) -> None:
+        """A mission that cannot begin leaves nothing behind."""
+        if self._folder.is_new:
+            self._folder.discard()
 
     def _take_up(self) -> Checkpoint | None:
         """What there is to go on from; without any, the mission starts again."""
@@ -105,11 +173,13 @@ class _Run:
             self._log.on_event(Notice(time_s=from_s, level="warning", message=message))
         return checkpoint
 
-    def _build(self, commands: CommandSource, checkpoint: Checkpoint | None) -> MissionParts:
+    def _build(
+        self, commands: CommandSource, checkpoint: Checkpoint | None, live: LiveWorld | None
+    ) -> MissionParts:
         request, config, log = self._request, self._config, self._log
-        log.on_event(
-            PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason=f"opening scene {request.scene}")
-        )
+        if live is None:
+            reason = f"opening scene {request.scene}"
+            log.on_event(PhaseChanged(time_s=0.0, phase=MissionPhase.PREPARING, reason=reason))
         room = DiskRoom(
             folder=self._folder.partial, least_free_bytes=config.checkpoint.least_free_mib * 2**20
         )
@@ -126,17 +196,18 @@ class _Run:
                 commands=commands,
                 why_wait=room.why_wait,
                 old_map=old_map,
+                live=live,
             )
         except HgsError:
-            if self._folder.is_new:  # a mission that cannot begin leaves nothing behind
-                self._folder.discard()
+            self._leave_nothing()
             raise
         if checkpoint is not None:
             self._restore(parts, checkpoint)
             return parts
-        for message in parts.scene.notices:
-            log.on_event(Notice(time_s=0.0, level="warning", message=message))
-        write_run_config(self._folder.partial, request, config, parts.scene.start)
+        if parts.scene is not None:
+            for message in parts.scene.notices:
+                log.on_event(Notice(time_s=0.0, level="warning", message=message))
+        write_run_config(self._folder.partial, request, config, parts.start)
         return parts
 
     def _restore(self, parts: MissionParts, checkpoint: Checkpoint) -> None:
@@ -203,16 +274,16 @@ class _Run:
 
     def _write(self, parts: MissionParts, record: MissionRecord) -> MissionReport:
         """All results, into the unfinished folder."""
-        config, folder = self._config, self._folder.partial
+        config, folder, scene = self._config, self._folder.partial, parts.scene
         report = report_of(self._request, config, parts, record, peak_rss_mib=self._peak_rss_mib())
         progress = Progress(self._log, parts.mission.time_s)
         write_results(folder, config, parts, record)
         if record.stop_reason is not StopReason.INTERRUPTED and record.poses:
             mesh = fused_mesh(folder, config, progress)
-            if config.evaluate:
-                report = report.with_evaluation(evaluated(config, parts, record, mesh, progress))
+            if config.evaluate and scene is not None:
+                report = report.with_evaluation(evaluated(config, parts, scene, record, mesh, progress))
         report.write(folder / "report.json")
-        caster = parts.scene.caster if config.evaluate else None
+        caster = scene.caster if config.evaluate and scene is not None else None
         write_report_page(folder, config, caster=caster, progress=progress)
         self._log.on_event(
             PhaseChanged(time_s=progress.time_s, phase=MissionPhase.ENDED, reason=record.message)

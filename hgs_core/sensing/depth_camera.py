@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float32
 from numpy import ndarray
@@ -23,7 +25,11 @@ class DepthCameraConfig(StrictConfig):
     height: int = Field(680, ge=1)
     """Image height [pixels]."""
     focal_px: float = Field(600.0, gt=0)
-    """Focal length [pixels]; the principal point is the image's centre."""
+    """Focal length [pixels]."""
+    focal_y_px: float | None = Field(None, gt=0)
+    """Another one along the image's height, where it differs [pixels]."""
+    centre_px: tuple[float, float] | None = None
+    """Principal point, column and row [pixels]; none: the image's centre."""
     range_m: float = Field(5.0, gt=0)
     """Farthest z-depth that is measured [m]; colours reach further."""
     depth_noise_m: float = Field(0.02, ge=0)
@@ -34,7 +40,9 @@ class DepthCameraConfig(StrictConfig):
     """Time between frames [s]."""
 
     def intrinsics(self) -> CameraIntrinsics:
-        return CameraIntrinsics.centred(self.width, self.height, self.focal_px)
+        centred = CameraIntrinsics.centred(self.width, self.height, self.focal_px)
+        cx, cy = (centred.cx, centred.cy) if self.centre_px is None else self.centre_px
+        return replace(centred, fy=self.focal_y_px or self.focal_px, cx=cx, cy=cy)
 
 
 def with_uniform_noise(

@@ -1,0 +1,352 @@
+"""`Correspondence`: everything that is heard from a robot, as soon as it comes, and a heartbeat in return."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from hgs_core.errors import StreamError
+from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.live.checks import MessageChecks, pose_of
+from hgs_core.live.config import LiveConfig
+from hgs_core.live.images import decoded_colour, decoded_depth
+from hgs_core.live.link import Link
+from hgs_core.live.messages import (
+    PROTOCOL,
+    Ack,
+    Answer,
+    Bye,
+    CameraFacts,
+    Frame,
+    FromRobot,
+    Heartbeat,
+    Hello,
+    Refusal,
+    Report,
+    ToRobot,
+    Welcome,
+    encoded,
+    from_robot,
+)
+from hgs_core.sensing import frame as sensing
+
+log = logging.getLogger(__name__)
+
+CREDITS: Final = 2
+"""One frame that is taken in, and one that waits."""
+_BEAT_S: Final = 0.5
+_LISTEN_S: Final = 0.1
+_REPORTS_KEPT: Final = 200
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiveFrame:
+    """A frame that has come, unpacked, with the scan and the report of its moment."""
+
+    frame: sensing.Frame
+    scan: sensing.Scan | None
+    report: Report | None
+    """The newest one that is not younger than the frame, by the robot's clock."""
+    sequence: int
+    """The robot's number."""
+
+
+class Correspondence:
+    """Safe to use from any thread. Two of its own listen and beat from `begin` to `close`.
+
+    Mission time is the service's, counted from the first hello and standing still while `paused`; the robot's
+    clock only orders its own messages.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        config: LiveConfig,
+        *,
+        notice: Callable[[float, str], None] = lambda _t, _m: None,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`notice` is told, with mission time, what an operator should know; from any thread."""
+        self._link = link
+        self._config = config
+        self._notice = notice
+        self._now = now
+        self._changed = threading.Condition()
+        self._checks = MessageChecks()
+        self._hello: Hello | None = None
+        self._reports: deque[Report] = deque(maxlen=_REPORTS_KEPT)
+        self._frame: LiveFrame | None = None
+        self._n_dropped = 0
+        self._heard_at: float | None = None
+        self._frame_at: float | None = None
+        self._over: str | None = None
+        self._was_waited_for = False
+        self._began_at: float | None = None
+        self._not_counted_s = 0.0
+        self._earlier_s = 0.0
+        self._on_report: Callable[[Report], None] = lambda _: None
+        self._on_ack: Callable[[Ack], None] = lambda _: None
+        self._on_hello: Callable[[Hello], None] = lambda _: None
+        self._on_beat: Callable[[], None] = lambda: None
+        self._closing = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._listen, name="robot-listener", daemon=True),
+            threading.Thread(target=self._beat, name="robot-heartbeat", daemon=True),
+        ]
+
+    def begin(self) -> None:
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """Say nothing more, and hear nothing more."""
+        self._closing.set()
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join()
+
+    def listen_with(
+        self,
+        *,
+        on_hello: Callable[[Hello], None],
+        on_report: Callable[[Report], None],
+        on_ack: Callable[[Ack], None],
+        on_beat: Callable[[], None],
+    ) -> None:
+        """Call these from now on, from the listening and the beating thread: a hello after the first, every
+        report and ack, and twice a second."""
+        self._on_hello, self._on_report = on_hello, on_report
+        self._on_ack, self._on_beat = on_ack, on_beat
+
+    @property
+    def hello(self) -> Hello | None:
+        return self._hello
+
+    @property
+    def now_s(self) -> float:
+        """The clock that messages to the robot bear [s]."""
+        return self._now()
+
+    @property
+    def time_s(self) -> float:
+        """Mission time [s]."""
+        with self._changed:
+            return self._time_s(self._now())
+
+    def go_on_from(self, time_s: float) -> None:
+        """Let mission time go on from an earlier process's."""
+        with self._changed:
+            self._earlier_s = time_s
+
+    def not_counted(self, duration_s: float) -> None:
+        """Take so much wall time out of mission time: a pause that has passed."""
+        with self._changed:
+            self._not_counted_s += duration_s
+
+    @property
+    def report(self) -> Report | None:
+        """The newest."""
+        with self._changed:
+            return self._reports[-1] if self._reports else None
+
+    @property
+    def has_frame(self) -> bool:
+        return self._frame is not None
+
+    def take_frame(self) -> LiveFrame | None:
+        """The newest frame that has not been taken yet."""
+        with self._changed:
+            taken, self._frame = self._frame, None
+            return taken
+
+    def take_dropped(self) -> int:
+        """Frames that newer ones overtook since the last call."""
+        with self._changed:
+            dropped, self._n_dropped = self._n_dropped, 0
+            return dropped
+
+    def why_wait(self) -> str | None:
+        """Why the robot must not drive now: it has not been heard, or has not seen, for too long. A reason
+        lasts until the next frame."""
+        with self._changed:
+            reason = self._why_silent() or ("waits for a frame" if self._was_waited_for else None)
+            if self._frame is not None or self._over is not None:
+                reason = None
+            self._was_waited_for = reason is not None
+            return reason
+
+    def _why_silent(self) -> str | None:
+        now = self._now()
+        if self._heard_at is not None and now - self._heard_at > self._config.dead_man_s:
+            return f"no word from the robot for {self._config.dead_man_s:g} s: it has stopped by itself"
+        if self._frame_at is not None and now - self._frame_at > self._config.frame_s:
+            return f"no frame from the robot for {self._config.frame_s:g} s: it is stopped"
+        return None
+
+    @property
+    def frame_age_s(self) -> float:
+        """Seconds since the newest frame came; +inf without one."""
+        frame_at = self._frame_at
+        return np.inf if frame_at is None else self._now() - frame_at
+
+    @property
+    def over(self) -> str | None:
+        """Why nothing more will come, in the robot's words; None as long as something may."""
+        return self._over
+
+    def wait_for_news(self, timeout_s: float, until: Callable[[], bool]) -> bool:
+        """Wait until `until`, which is asked whenever something has come; whether it is so."""
+        with self._changed:
+            return self._changed.wait_for(until, timeout_s)
+
+    def notice(self, message: str) -> None:
+        """Let the operator know."""
+        self._notice(self.time_s, message)
+
+    def send(self, message: ToRobot) -> None:
+        """A link that is gone is no error here: the silence that follows is what counts."""
+        try:
+            self._link.send(encoded(message))
+        except StreamError as error:
+            log.debug("not sent: %s", error)
+
+    def answer(self, sequence: int, fate: Literal["taken", "dropped", "refused"], reason: str = "") -> None:
+        """Say what became of a frame."""
+        self.send(Answer(now_s=self.now_s, sequence=sequence, fate=fate, reason=reason))
+
+    def _time_s(self, now: float) -> float:
+        if self._began_at is None:
+            return self._earlier_s
+        return self._earlier_s + now - self._began_at - self._not_counted_s
+
+    def _listen(self) -> None:
+        while not self._closing.is_set():
+            try:
+                content = self._link.receive(_LISTEN_S)
+            except StreamError as error:
+                log.warning("%s", error)
+                return
+            if content is not None:
+                self.hear(content)
+
+    def hear(self, content: bytes) -> None:
+        """Take in one message, or refuse it."""
+        try:
+            message = from_robot(content)
+            self._checks.admit(message)
+            self._take(message)
+        except StreamError as error:
+            self.send(Refusal(now_s=self.now_s, reason=str(error)))
+
+    def _take(self, message: FromRobot) -> None:
+        with self._changed:
+            self._heard_at = self._now()
+        if isinstance(message, Hello):
+            self._take_hello(message)
+        elif isinstance(message, Frame):
+            self._take_in(message)
+        elif isinstance(message, Report):
+            with self._changed:
+                self._reports.append(message)
+                self._changed.notify_all()
+            self._on_report(message)
+        elif isinstance(message, Ack):
+            self._on_ack(message)
+        elif isinstance(message, Bye):
+            with self._changed:
+                self._over = message.reason
+                self._changed.notify_all()
+
+    def _take_hello(self, hello: Hello) -> None:
+        known = self._hello
+        if known is not None and (known.camera, known.robot) != (hello.camera, hello.robot):
+            raise StreamError(
+                "this is another robot than the mission began with: its camera or its drive differs. "
+                "Start a mission of its own for it"
+            )
+        with self._changed:
+            self._hello, self._frame = hello, None
+            self._reports.clear()
+            if hello.report is not None:
+                self._reports.append(hello.report)
+            if self._began_at is None:
+                self._began_at = self._now()
+            self._changed.notify_all()
+        self.send(
+            Welcome(
+                protocol=PROTOCOL,
+                mission=self._link.name,
+                now_s=self.now_s,
+                dead_man_s=self._config.dead_man_s,
+                credits=CREDITS,
+            )
+        )
+        if known is not None:
+            self.notice(f"{hello.name} is back: what it was on its way to is planned anew")
+            self._on_hello(hello)
+
+    def _take_in(self, frame: Frame) -> None:
+        assert self._hello is not None
+        try:
+            live = self._unpacked(frame, self._hello.camera)
+        except StreamError as error:
+            self.answer(frame.sequence, "refused", str(error))
+            return
+        with self._changed:
+            overtaken, self._frame = self._frame, live
+            self._frame_at = self._now()
+            if overtaken is not None:
+                self._n_dropped += 1
+            self._changed.notify_all()
+        if overtaken is not None:
+            self.answer(overtaken.sequence, "dropped")
+
+    def _unpacked(self, frame: Frame, camera: CameraFacts) -> LiveFrame:
+        if frame.pose is None:
+            raise StreamError(f"frame {frame.sequence} has no pose: this mission does not find it by itself")
+        with self._changed:
+            time_s = self._time_s(self._now())
+            report = next((r for r in reversed(self._reports) if r.time_s <= frame.time_s), None)
+        scan = None
+        if frame.scan is not None:
+            ranges = np.frombuffer(frame.scan.ranges_m, "<f4").astype(np.float32)
+            scan = sensing.Scan(
+                origin_m=np.array(frame.scan.origin_m, dtype=np.float64),
+                bearings_rad=frame.scan.first_bearing_rad + np.arange(len(ranges)) * frame.scan.step_rad,
+                ranges_m=ranges,
+                timestamp_s=time_s,
+            )
+        return LiveFrame(
+            frame=sensing.Frame(
+                rgb=decoded_colour(frame, camera),
+                depth_m=decoded_depth(frame, camera),
+                intrinsics=intrinsics_of(camera),
+                T_world_camera=pose_of(frame.pose, f"frame {frame.sequence}"),
+                timestamp_s=time_s,
+                sequence=frame.sequence,
+            ),
+            scan=scan,
+            report=report,
+            sequence=frame.sequence,
+        )
+
+    def _beat(self) -> None:
+        while not self._closing.wait(_BEAT_S):
+            self.send(Heartbeat(now_s=self.now_s))
+            self._on_beat()
+
+    def state(self) -> dict[str, Any]:
+        return {"time_s": self.time_s}
+
+
+def intrinsics_of(camera: CameraFacts) -> CameraIntrinsics:
+    return CameraIntrinsics(
+        width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy
+    )

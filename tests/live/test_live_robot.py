@@ -1,0 +1,210 @@
+"""The robot at the far end, as the loop drives it: by a clock of the test's own."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hgs_core.live.config import LiveConfig
+from hgs_core.live.correspondence import Correspondence
+from hgs_core.live.messages import (
+    Ack,
+    Answer,
+    FollowPath,
+    Heartbeat,
+    LimitSpeed,
+    Refusal,
+    Report,
+    Stop,
+    Welcome,
+    encoded,
+    to_robot,
+)
+from hgs_core.live.robot import LiveRobot
+from hgs_core.live.world import LiveWorld
+from hgs_core.robot.differential import Differential, DifferentialConfig
+from hgs_core.robot.path import Path
+from tests.live.test_messages import HELLO, REPORT, changed, frame
+
+CONFIG = LiveConfig(dead_man_s=2.0, frame_s=4.0, command_s=1.0, off_path_m=0.5)
+AWAY = Path(positions_m=np.array([[1.0, 2.0], [3.0, 2.0]]), yaws_rad=np.array([np.nan, 0.0]))
+
+
+class Line:
+    """A link whose far end is the test; nothing is received by itself."""
+
+    name = "a mission"
+
+    def __init__(self) -> None:
+        self.sent: list = []
+
+    def send(self, content: bytes) -> None:
+        self.sent.append(to_robot(content))
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        return None
+
+
+class Call:
+    """A robot that has said hello, with everything in the test's hand."""
+
+    def __init__(self) -> None:
+        self.line = Line()
+        self.now = 100.0
+        self.notices: list[str] = []
+        self.correspondence = Correspondence(
+            self.line, CONFIG, notice=lambda _, message: self.notices.append(message), now=lambda: self.now
+        )
+        self.say(HELLO)
+        self.world = LiveWorld(self.correspondence, HELLO, Differential(DifferentialConfig()), CONFIG)
+        assert isinstance(self.world.robot, LiveRobot)
+        self.robot = self.world.robot
+
+    def say(self, message) -> None:
+        self.correspondence.hear(encoded(message))
+
+    def told(self, kind):
+        return [message for message in self.line.sent if isinstance(message, kind)]
+
+    def report(self, **changes) -> None:
+        self.say(changed(REPORT, **changes))
+
+    def look(self, sequence: int, time_s: float) -> None:
+        """A frame comes, and the loop takes it."""
+        self.say(frame(sequence=sequence, time_s=time_s))
+        self.world.scan()
+
+
+@pytest.fixture
+def call() -> Call:
+    return Call()
+
+
+def test_a_robot_is_welcomed_and_is_where_it_says(call: Call) -> None:
+    (welcome,) = call.told(Welcome)
+    assert (welcome.mission, welcome.dead_man_s) == ("a mission", 2.0)
+    state = call.robot.state
+    assert (state.x_m, state.y_m, state.yaw_rad) == (1.0, 2.0, 0.5)
+    assert call.robot.arrived
+    call.now += 3.0
+    call.report(time_s=2.0, x_m=1.5, path_length_m=0.5, collisions=1)
+    state = call.robot.state
+    assert (state.x_m, state.path_length_m, state.collisions, state.timestamp_s) == (1.5, 0.5, 1, 3.0)
+
+
+def test_how_far_it_is_counts_when_a_frame_has_seen_it(call: Call) -> None:
+    """It has arrived at 5 s by its clock; a frame of 4 s cannot have seen what is to be seen there."""
+    call.robot.follow(AWAY)
+    (path,) = call.told(FollowPath)
+    assert path.yaws_rad == [None, 0.0]
+    assert path.timed["t_s"][-1] == pytest.approx(2.0 + math.degrees(0.5) / 60.0)
+    call.say(Ack(command=path.command, accepted=True))
+    call.report(time_s=3.0, x_m=2.0, command=path.command, waypoints_passed=1, arrived=False, standing=False)
+    call.report(time_s=5.0, x_m=3.0, command=path.command, waypoints_passed=2, arrived=True)
+    call.look(1, time_s=4.0)
+    assert (call.robot.arrived, call.robot.waypoints_passed) == (False, 1)
+    call.look(2, time_s=5.0)
+    assert (call.robot.arrived, call.robot.waypoints_passed) == (True, 2)
+
+
+def test_a_path_that_is_refused_is_over(call: Call) -> None:
+    call.robot.follow(AWAY)
+    (path,) = call.told(FollowPath)
+    call.say(Ack(command=path.command, accepted=False, reason="it begins too far from here"))
+    assert call.robot.arrived
+    assert "too far" in call.notices[0]
+    assert call.told(Stop)[-1].command > path.command
+
+
+def test_a_path_that_is_not_taken_up_in_time_is_over(call: Call) -> None:
+    call.robot.follow(AWAY)
+    call.now += 0.9
+    call.robot.on_beat()
+    assert not call.robot.arrived
+    call.now += 0.2
+    call.robot.on_beat()
+    assert call.robot.arrived
+    assert "not taken its path up" in call.notices[0]
+
+
+def test_a_robot_that_strays_is_stopped(call: Call) -> None:
+    call.robot.follow(AWAY)
+    (path,) = call.told(FollowPath)
+    call.report(time_s=2.0, x_m=2.0, y_m=2.4, command=path.command, arrived=False)
+    assert not call.robot.arrived
+    call.report(time_s=3.0, x_m=2.0, y_m=2.6, command=path.command, arrived=False)
+    assert call.robot.arrived
+    assert "0.60 m off its path" in call.notices[0]
+
+
+def test_it_stands_when_it_says_so_after_it_was_told(call: Call) -> None:
+    assert call.robot.standing_in_s == 0.0
+    call.robot.follow(AWAY)
+    call.report(time_s=2.0, command=1, standing=False, arrived=False)
+    call.robot.stop()
+    (stop,) = call.told(Stop)
+    call.report(time_s=2.1, command=1, standing=True)  # from before it heard
+    assert call.robot.standing_in_s == CONFIG.stand_s
+    call.report(time_s=2.5, command=stop.command, standing=True)
+    assert call.robot.standing_in_s == 0.0
+
+
+def test_silence_and_blindness_are_reasons_to_wait_until_it_sees_again(call: Call) -> None:
+    call.look(1, time_s=1.0)
+    assert call.world.why_wait() is None
+    call.now += 2.1
+    assert "no word" in str(call.world.why_wait())
+    call.report(time_s=2.0)
+    assert call.world.why_wait() == "waits for a frame"
+    call.say(frame(sequence=2, time_s=2.0))
+    assert call.world.why_wait() is None
+    call.world.scan()
+    for time_s in (3.0, 4.0, 5.0):
+        call.now += 1.5
+        call.report(time_s=time_s)
+    assert "no frame" in str(call.world.why_wait())
+
+
+def test_one_that_is_back_stands_and_is_told_its_speed_again(call: Call) -> None:
+    call.robot.limit_speed(0.4)
+    call.robot.follow(AWAY)
+    call.report(time_s=2.0, command=2, path_length_m=3.0, collisions=1, arrived=False)
+    call.say(changed(HELLO, report=changed(REPORT, path_length_m=0.0)))
+    assert call.robot.arrived
+    assert [limit.max_speed_mps for limit in call.told(LimitSpeed)] == [0.4, 0.4]
+    call.report(time_s=3.0, path_length_m=0.5, collisions=0)
+    assert (call.robot.state.path_length_m, call.robot.state.collisions) == (3.5, 1)
+    assert "is back" in call.notices[0]
+
+
+def test_another_robot_cannot_take_its_place(call: Call) -> None:
+    call.say(changed(HELLO, robot={"drive": "differential"}))
+    assert "another robot" in call.told(Refusal)[0].reason
+
+
+def test_frames_are_answered(call: Call) -> None:
+    call.say(frame(sequence=1, time_s=1.0))
+    call.say(frame(sequence=2, time_s=2.0))
+    call.say(frame(sequence=3, time_s=3.0, colour=b"torn"))
+    call.say(frame(sequence=4, time_s=4.0, pose=None))
+    call.world.scan()
+    call.world.mapped(call.world.capture())
+    answers = {(answer.sequence, answer.fate) for answer in call.told(Answer)}
+    assert answers == {(1, "dropped"), (2, "taken"), (3, "refused"), (4, "refused")}
+    assert call.correspondence.take_dropped() == 1
+    assert not call.told(Heartbeat)  # nobody has begun it
+
+
+def test_a_mission_that_goes_on_counts_on(call: Call) -> None:
+    call.robot.follow(AWAY)
+    call.report(time_s=2.0, path_length_m=4.0)
+    call.now += 7.0
+    kept = call.world.state()
+    later = Call()
+    later.world.restore(kept)
+    assert later.robot.state.timestamp_s == pytest.approx(7.0)
+    later.report(time_s=1.0, path_length_m=1.0)
+    assert later.robot.state.path_length_m == pytest.approx(5.0)
+    later.robot.follow(AWAY)
+    assert later.told(FollowPath)[0].command > call.told(FollowPath)[0].command
+    assert isinstance(later.correspondence.report, Report)
