@@ -23,7 +23,7 @@ from hgs_core.live.messages import (
 
 
 class CarriedCamera:
-    """Implements `Onboard`. It plays from the first welcome on; what falls into an interruption is skipped."""
+    """Implements `Onboard`. It plays from the first welcome on; interruptions do not hold it up."""
 
     def __init__(self, recording: FrameRecording, clock: RobotClock, *, name: str) -> None:
         self.skipped = 0

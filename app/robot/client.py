@@ -41,8 +41,10 @@ _LEAST_SILENCE_S: Final = 3.0
 _STAND_S: Final = 5.0
 _LAST_WORDS_S: Final = 30.0
 """After `Bye` the service may take so long to say `End`."""
-_HOPELESS: Final = frozenset({400, 401, 403, 404, 405, 422})
-"""HTTP statuses that trying again does not change."""
+_ANSWER_S: Final = 10.0
+_HOPELESS: Final = frozenset({400, 401, 403, 404, 405, 422, 4401, 4404})
+"""HTTP statuses and close codes that trying again does not change."""
+_REPLACED: Final = 4409
 
 
 class RobotClient:
@@ -196,12 +198,24 @@ class RobotClient:
             hear=self._hear,
             misheard=self._misheard,
             report=lambda: None if self._credits is None else self._onboard.report(),
+            complaint=self._complaint,
         )
         self._send(self._onboard.hello())
+        connection = self._connection
         try:
-            return await self._connection.talk(self._over)
+            problem = await connection.talk(self._over)
         finally:
             self._credits = self._connection = None
+        if connection.close_code == _REPLACED and not self._over.is_set():
+            self._end(Outcome.GIVEN_UP, "another robot has taken this one's place in the mission")
+        elif connection.close_code in _HOPELESS and not self._over.is_set():
+            raise RobotError(f"the service refuses the robot: {problem}")
+        return problem
+
+    def _complaint(self) -> str | None:
+        """Answers that never come would leave a robot without credits, and the mission without frames."""
+        waits_s = 0.0 if self._credits is None else self._credits.waits_s(self._clock.now_s())
+        return f"no frame was answered for {waits_s:.0f} s" if waits_s > _ANSWER_S else None
 
     def _hear(self, message: ToRobot) -> None:
         received_s = self._clock.now_s()

@@ -16,6 +16,7 @@ from hgs_core.live.messages import FromRobot, Report, ToRobot, encoded, to_robot
 
 REPORT_EVERY_S: Final = 0.1
 OPEN_S: Final = 5.0
+_LOOK_S: Final = 0.1
 _MOST_WAITING: Final = 1000
 _LARGEST_MESSAGE: Final = 16 * 2**20
 
@@ -24,7 +25,7 @@ class Connection:
     """Sends and hears, each at its own pace; messages take `latency_s` either way.
 
     `hear` is called with every message that is understood, `misheard` with what is wrong with any other;
-    `report` is asked ten times a second, and may give None.
+    `report` is asked ten times a second, and may give None; so is `complaint`: why to end it.
     """
 
     def __init__(
@@ -36,15 +37,19 @@ class Connection:
         hear: Callable[[ToRobot], None],
         misheard: Callable[[str], None],
         report: Callable[[], Report | None],
+        complaint: Callable[[], str | None],
     ) -> None:
         self.silence_s = silence_s
         """Over when nothing is heard for so long."""
+        self.close_code: int | None = None
+        """With which it was closed, once it is."""
         self._socket = socket
         self._outbox: DelayLine[FromRobot] = DelayLine(latency_s, most=_MOST_WAITING)
         self._inbox: DelayLine[bytes | str] = DelayLine(latency_s, most=_MOST_WAITING)
         self._hear = hear
         self._misheard = misheard
         self._report = report
+        self._complaint = complaint
         self._heard_s = time.monotonic()
 
     @staticmethod
@@ -65,7 +70,7 @@ class Connection:
 
     async def talk(self, over: asyncio.Event) -> str:
         """Until it ends, or until `over`; why it ended. The socket is closed afterwards."""
-        parts = (self._receive(), self._handle(), self._transmit(), self._reports(), self._watch_silence())
+        parts = (self._receive(), self._handle(), self._transmit(), self._reports(), self._watch())
         tasks = [*map(asyncio.create_task, parts), asyncio.create_task(_wait_for(over))]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -74,6 +79,7 @@ class Connection:
                 task.cancel()
             results = await asyncio.gather(*tasks, return_exceptions=True)
             await self._socket.close()
+        self.close_code = self._socket.close_code
         for result in results:
             if isinstance(result, Exception) and not isinstance(result, ConnectionClosed | OSError):
                 raise result
@@ -109,9 +115,11 @@ class Connection:
             if report is not None:
                 self.send(report)
 
-    async def _watch_silence(self) -> str:
+    async def _watch(self) -> str:
         while (silent_s := time.monotonic() - self._heard_s) < self.silence_s:
-            await asyncio.sleep(0.1)
+            if (complaint := self._complaint()) is not None:
+                return complaint
+            await asyncio.sleep(_LOOK_S)
         return f"nothing heard for {silent_s:.1f} s"
 
 

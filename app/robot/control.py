@@ -27,6 +27,7 @@ class ControlLoop:
         say: Callable[[str], None],
     ) -> None:
         self.late_s: list[float] = []
+        """By how much each waking came after the tick that it was for."""
         self.dead_man_stops = 0
         self.stopping_m: list[float] = []
         self._robot = robot
@@ -58,12 +59,13 @@ class ControlLoop:
 
     def _run(self) -> None:
         while not self._over.is_set():
-            left_s = self.lived_s + TICK_S - self._clock.now_s()
+            due_s = self.lived_s + TICK_S
+            left_s = due_s - self._clock.now_s()
             if left_s > 0.0:
                 self._over.wait(left_s)
-            else:
-                self.late_s.append(-left_s)
-            self.live_until(self._clock.now_s())
+            now_s = self._clock.now_s()
+            self.late_s.append(max(now_s - due_s, 0.0))
+            self.live_until(now_s)
 
     def _tick(self, due_s: float) -> None:
         if self._dead_man.trips(due_s):

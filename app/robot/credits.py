@@ -31,6 +31,12 @@ class Credits:
         assert self.left > 0
         self._on_their_way[sequence] = frame
 
+    def waits_s(self, now_s: float) -> float:
+        """How long the oldest frame on its way has waited for its answer, where no credit is left; else 0."""
+        if self.left > 0:
+            return 0.0
+        return now_s - min((frame.sent_s for frame in self._on_their_way.values()), default=now_s)
+
     def answered(self, answer: Answer) -> OnItsWay | None:
         """The frame that is meant; None for one that is not on its way: answered before, or never sent."""
         return self._on_their_way.pop(answer.sequence, None)

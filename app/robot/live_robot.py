@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from app.robot.camera import CameraLoop
+from app.robot.camera import CameraLoop, TakenFrame
 from app.robot.clock import RobotClock
 from app.robot.commands import CommandDesk
 from app.robot.control import ControlLoop
@@ -57,6 +57,21 @@ class LiveRobot:
         self._dead_man = DeadMan()
         self.desk = CommandDesk(world.robot, self._acknowledge)
         self.control = ControlLoop(world.robot, self.desk, self._dead_man, clock, say)
+
+    @property
+    def taken(self) -> dict[int, TakenFrame]:
+        """Frames by number."""
+        return self.camera.taken
+
+    @property
+    def skipped(self) -> int:
+        """Frames not taken for want of a connection or a credit."""
+        return self.camera.skipped
+
+    @property
+    def late(self) -> int:
+        """Frames not taken as the camera was busy."""
+        return self.camera.late
 
     def start(self, link: Link) -> None:
         self._answer = link.acknowledge

@@ -26,10 +26,19 @@ class _NoRedirects(urllib.request.HTTPRedirectHandler):
         return None
 
 
+class Refused(RobotError):
+    """The service has answered, and says no."""
+
+    def __init__(self, message: str, status: int) -> None:
+        super().__init__(message)
+        self.status = status
+
+
 class ServiceApi:
     """The service at `server`, its origin: `http://HOST:PORT`.
 
-    Every call raises `RobotError` when the service refuses, and `OSError` when it does not answer.
+    Every call raises `Refused` when the service does, `RobotError` when it is none, and `OSError` when it
+    does not answer.
     """
 
     def __init__(self, server: str, token: str | None) -> None:
@@ -93,7 +102,8 @@ class ServiceApi:
         try:
             return self._opener.open(request, timeout=_TIMEOUT_S)
         except urllib.error.HTTPError as error:
-            raise RobotError(f"the service refuses {method} {path}: {_problem(error)}") from error
+            message = f"the service refuses {method} {path}: {_problem(error)}"
+            raise Refused(message, error.code) from error
         except http.client.HTTPException as error:
             raise RobotError(f"{self._base} does not speak HTTP: {error!r}") from error
 

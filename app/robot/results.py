@@ -70,7 +70,6 @@ def evaluated(
     config: MissionConfig,
     folder: Path,
     taken: Collection[TakenFrame],
-    say: Callable[[str], None],
 ) -> EvaluationResult | None:
     """The downloaded map against the true scene, seen from where the frames that it took were truly taken;
     None without a map or such frames."""
@@ -89,7 +88,6 @@ def evaluated(
         range_m=config.sensor.camera.range_m,
         robot_radius_m=config.robot.radius_m,
         robot_height_m=config.robot.height_m,
-        progress=say,
     )
 
 
