@@ -20,6 +20,7 @@ from app.cli.presets import presets
 from app.cli.refine import refine
 from app.cli.report import report
 from app.cli.resume import resume
+from app.cli.robot import robot
 from app.cli.run import run
 from app.cli.scenes import scenes
 from app.cli.serve import serve
@@ -61,6 +62,7 @@ application.command()(picture)
 application.command()(scenes)
 application.command()(presets)
 application.command()(serve)
+application.command()(robot)
 application.command()(token)
 application.command()(bundle)
 bench.command()(reference)

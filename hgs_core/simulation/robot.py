@@ -12,12 +12,13 @@ from numpy import ndarray
 from hgs_core.errors import RobotError
 from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.kinematics import turned_towards, wrapped
+from hgs_core.robot.motion import GroundPose
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
+from hgs_core.robot.tracker import require_followable
 from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.obstacles import BodyObstacles
 
-_BEGINS_WITHIN_M = 0.25
 _FIRST_WAYPOINT_M = 0.05
 _REACHED_M = 1e-9
 _CHECK_STEP_M = 0.005
@@ -80,14 +81,9 @@ class SimulatedRobot:
 
     def follow(self, path: Path) -> None:
         if len(path.yaws_rad):
-            if not np.all(np.isfinite(path.positions_m)) or np.any(np.isinf(path.yaws_rad)):
-                raise RobotError("the path holds positions or yaws that are not finite")
-            away = float(np.linalg.norm(path.positions_m[0] - self._position))
-            if away > _BEGINS_WITHIN_M:
-                raise RobotError(
-                    f"the path begins {away:.2f} m from the robot at ({self._position[0]:.2f}, "
-                    f"{self._position[1]:.2f}); it must begin within {_BEGINS_WITHIN_M} m"
-                )
+            require_followable(
+                path, GroundPose(x_m=self.state.x_m, y_m=self.state.y_m, yaw_rad=self._yaw_rad)
+            )
         self._path = path
         self._passed = 0
         self._under_way = len(path.yaws_rad) > 0

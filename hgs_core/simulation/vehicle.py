@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,29 +12,20 @@ from hgs_core.errors import RobotError
 from hgs_core.robot.ackermann import AckermannConfig
 from hgs_core.robot.holonomic import HolonomicConfig
 from hgs_core.robot.kinematics import wrapped
+from hgs_core.robot.motion import GroundPose
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
 from hgs_core.robot.timed_path import TimedPath
+from hgs_core.robot.tracker import require_followable
 from hgs_core.robot.tracking import steered_curvature
 from hgs_core.robot.vehicle import vehicle_of
 from hgs_core.scene.free_floor import StartPose
 from hgs_core.scene.obstacles import BodyObstacles
-from hgs_core.simulation.footprint import footprint_of
+from hgs_core.simulation.body import Body, pose_from
 
 TICK_S: Final = 0.02
 """The controller decides so often."""
-_BEGINS_WITHIN_M = 0.25
-_BEGINS_WITHIN_RAD = math.radians(20.0)
-_CHECK_STEP_M = 0.005
-_SAME_CONTACT_M = 0.02
 _STANDING_MPS = 1e-6
-
-
-@dataclass(frozen=True)
-class _Pose:
-    x: float
-    y: float
-    yaw: float
 
 
 class SimulatedVehicle:
@@ -47,9 +37,7 @@ class SimulatedVehicle:
 
     Told to stop it brakes on its path, and may be told a new one when it stands (`standing_in_s`).
 
-    The body's footprint is held against the obstacles' exact distances wherever it may have come near one,
-    every 5 mm (a rectangle to 2 mm). On contact the robot stands at the last pose before it, drops its path,
-    and counts one collision; pushing again without having moved 2 cm is the same contact.
+    On contact (see `Body`) the robot stands, and drops its path.
     """
 
     def __init__(
@@ -59,40 +47,30 @@ class SimulatedVehicle:
         start: StartPose,
         robot_id: str = "robot0",
     ) -> None:
-        if obstacles.height_m != config.height_m:
-            raise RobotError(
-                f"obstacles are for a body of {obstacles.height_m} m, the robot is {config.height_m} m high"
-            )
         self._config = config
         self._vehicle = vehicle_of(config)
         self._limit_mps = config.max_speed_mps
-        self._footprint = footprint_of(config)
-        self._obstacles = obstacles
+        self._body = Body(config, obstacles, start)
         self._robot_id = robot_id
-        self._pose = _Pose(start.x_m, start.y_m, wrapped(start.yaw_rad))
         self._timestamp_s = 0.0
-        self._path_length_m = 0.0
-        self._collisions = 0
         self._reversing = False
-        self._contact: _Pose | None = None
-        self._room_m = 0.0
         self._lock = threading.Lock()  # `stop` may come from another thread
         self._timed: TimedPath | None = None
         self._began_s = 0.0
         self._braking = False
         self._passed = 0
-        self._tick: tuple[int, _Pose, float] | None = None
+        self._tick: tuple[int, GroundPose, float] | None = None
         """The tick under way, the pose at its beginning, and the curvature that was set then."""
 
     @property
     def state(self) -> RobotState:
         return RobotState(
-            x_m=self._pose.x,
-            y_m=self._pose.y,
-            yaw_rad=wrapped(self._pose.yaw),
+            x_m=self._pose.x_m,
+            y_m=self._pose.y_m,
+            yaw_rad=wrapped(self._pose.yaw_rad),
             timestamp_s=self._timestamp_s,
-            path_length_m=self._path_length_m,
-            collisions=self._collisions,
+            path_length_m=self._body.path_length_m,
+            collisions=self._body.collisions,
             reversing=self._reversing,
             robot_id=self._robot_id,
         )
@@ -112,6 +90,10 @@ class SimulatedVehicle:
         if self._braking:
             return max(0.0, self._began_s + self._timed.duration_s - self._timestamp_s)
         return self._timed.braking_from(self._along_s, self._config.max_braking_mps2).duration_s
+
+    @property
+    def _pose(self) -> GroundPose:
+        return self._body.pose
 
     @property
     def _along_s(self) -> float:
@@ -135,26 +117,12 @@ class SimulatedVehicle:
         self._timed, self._braking, self._passed, self._tick = None, False, 0, None
         if not len(path.yaws_rad):
             return
-        self._check(path)
-        self._timed = self._vehicle.timed(path, self._pose.yaw)
+        require_followable(path, self._pose)
+        self._timed = self._vehicle.timed(path, self._pose.yaw_rad)
         self._began_s = self._timestamp_s
 
     def _speed_mps(self) -> float:
         return 0.0 if self._timed is None else self._timed.at(self._along_s).speed_mps
-
-    def _check(self, path: Path) -> None:
-        if not np.all(np.isfinite(path.positions_m)) or np.any(np.isinf(path.yaws_rad)):
-            raise RobotError("the path holds positions or yaws that are not finite")
-        away = float(np.hypot(*(path.positions_m[0] - [self._pose.x, self._pose.y])))
-        if away > _BEGINS_WITHIN_M:
-            raise RobotError(
-                f"the path begins {away:.2f} m from the robot at ({self._pose.x:.2f}, {self._pose.y:.2f}); "
-                f"it must begin within {_BEGINS_WITHIN_M} m"
-            )
-        if path.headings_rad is not None:
-            off = abs(wrapped(float(path.headings_rad[0]) - self._pose.yaw))
-            if not off <= _BEGINS_WITHIN_RAD:
-                raise RobotError(f"the path begins {math.degrees(off):.0f} degrees from the robot's heading")
 
     def stop(self) -> None:
         with self._lock:
@@ -198,64 +166,40 @@ class SimulatedVehicle:
         ahead = timed.at(now_s + 0.5 * TICK_S)
         backwards = ahead.speed_mps < 0.0
         return steered_curvature(
-            self._pose.x,
-            self._pose.y,
-            self._pose.yaw,
+            self._pose.x_m,
+            self._pose.y_m,
+            self._pose.yaw_rad,
             wanted,
             reversing=backwards,
             limit_1pm=1.0 / self._config.min_turning_radius_m,
         )
 
-    def _posed(self, timed: TimedPath, until_s: float) -> _Pose:
+    def _posed(self, timed: TimedPath, until_s: float) -> GroundPose:
         """Where the body is at the end of a part of the tick under way."""
         if not isinstance(self._config, AckermannConfig):
             at = timed.at(until_s)
-            return _Pose(at.x_m, at.y_m, at.yaw_rad)
+            return GroundPose(x_m=at.x_m, y_m=at.y_m, yaw_rad=at.yaw_rad)
         assert self._tick is not None
         number, begin, curvature = self._tick
         driven = timed.driven_m(until_s) - timed.driven_m(number * TICK_S)
-        yaw = begin.yaw + curvature * driven
+        yaw = begin.yaw_rad + curvature * driven
         if abs(curvature) < 1e-9:
-            step = driven * math.cos(begin.yaw), driven * math.sin(begin.yaw)
+            step = driven * math.cos(begin.yaw_rad), driven * math.sin(begin.yaw_rad)
         else:
             step = (
-                (math.sin(yaw) - math.sin(begin.yaw)) / curvature,
-                (math.cos(begin.yaw) - math.cos(yaw)) / curvature,
+                (math.sin(yaw) - math.sin(begin.yaw_rad)) / curvature,
+                (math.cos(begin.yaw_rad) - math.cos(yaw)) / curvature,
             )
-        return _Pose(begin.x + step[0], begin.y + step[1], yaw)
+        return GroundPose(x_m=begin.x_m + step[0], y_m=begin.y_m + step[1], yaw_rad=yaw)
 
-    def _move_to(self, to: _Pose, driven_m: float) -> bool:
+    def _move_to(self, to: GroundPose, driven_m: float) -> bool:
         """Moves the body; False when something was in the way (it then stands before it)."""
-        begin = self._pose
-        moved = math.hypot(to.x - begin.x, to.y - begin.y) + abs(to.yaw - begin.yaw) * self._footprint.reach_m
-        n = 1 if moved < self._room_m else max(1, math.ceil(moved / _CHECK_STEP_M))
-        for k in range(1, n + 1):
-            share = k / n
-            ahead = _Pose(
-                begin.x + share * (to.x - begin.x),
-                begin.y + share * (to.y - begin.y),
-                begin.yaw + share * (to.yaw - begin.yaw),
-            )
-            left = self._room_m - moved / n
-            if left <= 0.0:
-                left = self._footprint.room_m(self._obstacles, ahead.x, ahead.y, ahead.yaw)
-                if left <= 0.0:
-                    self._touch()
-                    return False
-            self._room_m, self._pose = left, ahead
-        self._path_length_m += math.hypot(to.x - begin.x, to.y - begin.y)
+        if not self._body.move_to(to):
+            self._stand()
+            return False
         if driven_m != 0.0:
             self._reversing = driven_m < 0.0
-        contact = self._contact
-        if contact is not None and math.hypot(to.x - contact.x, to.y - contact.y) > _SAME_CONTACT_M:
-            self._contact = None
         return True
-
-    def _touch(self) -> None:
-        if self._contact is None:
-            self._collisions += 1
-            self._contact = self._pose
-        self._stand()
 
     def _stand(self) -> None:
         self._timed, self._braking, self._tick = None, False, None
@@ -264,14 +208,10 @@ class SimulatedVehicle:
         """Everything that later motion depends on, as plain data; see `restore`."""
         timed = self._timed
         return {
-            "pose": [self._pose.x, self._pose.y, self._pose.yaw],
+            **self._body.snapshot(),
             "timestamp_s": self._timestamp_s,
-            "path_length_m": self._path_length_m,
-            "collisions": self._collisions,
             "limit_mps": self._limit_mps,
             "reversing": self._reversing,
-            "contact": None if self._contact is None else [*vars(self._contact).values()],
-            "room_m": self._room_m,
             "timed": None if timed is None else {name: getattr(timed, name).tolist() for name in _COLUMNS},
             "began_s": self._began_s,
             "braking": self._braking,
@@ -282,14 +222,10 @@ class SimulatedVehicle:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        self._pose = _Pose(*state["pose"])
+        self._body.restore(state)
         self._timestamp_s = state["timestamp_s"]
-        self._path_length_m = state["path_length_m"]
-        self._collisions = state["collisions"]
         self.limit_speed(state["limit_mps"])
         self._reversing = state["reversing"]
-        self._contact = None if state["contact"] is None else _Pose(*state["contact"])
-        self._room_m = state["room_m"]
         timed = state["timed"]
         self._timed = (
             None
@@ -307,7 +243,7 @@ class SimulatedVehicle:
         self._braking = state["braking"]
         self._passed = state["waypoints_passed"]
         tick = state["tick"]
-        self._tick = None if tick is None else (tick[0], _Pose(*tick[1:4]), tick[4])
+        self._tick = None if tick is None else (tick[0], pose_from(tick[1:4]), tick[4])
 
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps", "curvature_1pm", "at_waypoint")

@@ -1,0 +1,108 @@
+"""`CarriedCamera`: a recording on board, played by the robot's own clock. Nobody can send it anywhere."""
+
+from __future__ import annotations
+
+import threading
+
+from app.robot.camera import TakenFrame
+from app.robot.clock import RobotClock
+from app.robot.onboard import Link
+from app.robot.recording import FrameRecording
+from hgs_core.errors import StreamError
+from hgs_core.live.messages import (
+    PROTOCOL,
+    Ack,
+    Bye,
+    FollowPath,
+    Hello,
+    LimitSpeed,
+    Report,
+    Stop,
+    Welcome,
+)
+
+
+class CarriedCamera:
+    """Implements `Onboard`. It plays from the first welcome on; interruptions do not hold it up."""
+
+    def __init__(self, recording: FrameRecording, clock: RobotClock, *, name: str) -> None:
+        self.skipped = 0
+        self.late = 0
+        self.taken: dict[int, TakenFrame] = {}
+        """By the frame's number."""
+        self.error: StreamError | None = None
+        """Why it broke off, if it did."""
+        self._recording = recording
+        self._clock = clock
+        self._name = name
+        self._link: Link | None = None
+        self._plays = threading.Event()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
+
+    def start(self, link: Link) -> None:
+        self._link = link
+        self._thread.start()
+
+    def close(self) -> None:
+        self._over.set()
+        self._plays.set()
+        self._thread.join()
+
+    def hello(self) -> Hello:
+        facts = self._recording.facts
+        return Hello(
+            protocol=PROTOCOL,
+            name=self._name,
+            camera=facts.camera,
+            robot=None,
+            scanner_range_m=facts.scanner_range_m,
+            region_m=facts.region_m,
+        )
+
+    def report(self) -> Report | None:
+        return None
+
+    def welcomed(self, welcome: Welcome, received_s: float) -> None:
+        self._plays.set()
+
+    def heard(self, now_s: float, received_s: float) -> None:
+        """Nothing depends on it."""
+
+    def obey(self, command: FollowPath | Stop | LimitSpeed, received_s: float) -> None:
+        assert self._link is not None
+        reason = "this is a recording: it goes where it went"
+        self._link.acknowledge(Ack(command=command.command, accepted=False, reason=reason))
+
+    def halt(self) -> None:
+        self._over.set()
+
+    @property
+    def standing(self) -> bool:
+        return True
+
+    def _run(self) -> None:
+        assert self._link is not None
+        self._plays.wait()
+        try:
+            self._play(self._link)
+        except StreamError as error:
+            self.error = error
+            self._link.finish(Bye(reason="the recording is damaged"))
+        else:
+            self._link.finish(Bye(reason="the recording is over"))
+
+    def _play(self, link: Link) -> None:
+        began_s = self._clock.now_s()
+        path = self._recording.path
+        for index in range(len(self._recording)):
+            due_s = began_s + float(path.timestamps_s[index])
+            if self._over.wait(max(due_s - self._clock.now_s(), 0.0)):
+                return
+            if not link.may_send_frame():
+                self.skipped += 1
+                continue
+            frame = self._recording.frame(index, self._clock.told_s(due_s))
+            pose = path.poses[index]
+            self.taken[index] = TakenFrame(timestamp_s=due_s, T_world_camera=pose, estimate=pose)
+            link.send_frame(frame, due_s)
