@@ -91,7 +91,7 @@ class _Program:
             say=self._say,
         )
         began_s = time.monotonic()
-        outcome = asyncio.run(_until_over(client))
+        outcome = asyncio.run(until_over(client))
         wall_s = time.monotonic() - began_s
         self._say(f"the robot stands: {client.ending}")
         figures = self._figures(mission, onboard, client, frame_faults, wall_s)
@@ -241,7 +241,7 @@ class _Program:
         return report if found is None else report.with_evaluation(found)
 
     def _what_is_left(self, mission: str) -> tuple[dict[str, Any] | None, MissionReport | None]:
-        """The mission's detail and report, its map downloaded; None for what a robot's token does not open."""
+        """The mission's detail and report, its map downloaded; None where a token does not open them."""
         try:
             detail = finished_mission(self._api, mission, patience_s=_RESULTS_S, say=self._say)
             return detail, download_results(self._api, mission, self._options.out)
@@ -252,7 +252,7 @@ class _Program:
             return None, None
 
 
-async def _until_over(client: RobotClient) -> Outcome:
+async def until_over(client: RobotClient) -> Outcome:
     """Ctrl-C lets the robot stand and leave."""
     loop = asyncio.get_running_loop()
     for number in _SIGNALS:
