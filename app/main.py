@@ -15,7 +15,7 @@ from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
-from app.api import bundle, events, images, missions, moments, results, scenes, session, system, viewer
+from app.api import bundle, events, images, missions, moments, plans, results, scenes, session, system, viewer
 from app.catalogue import Catalogue
 from app.errors import install_error_handlers
 from app.logs import RecentLogs, configure_logging
@@ -111,7 +111,7 @@ def create_app(settings: Settings, *, runner: str = DEFAULT_RUNNER) -> FastAPI:
     install_error_handlers(app)
     install_openapi(app)
     api = APIRouter(prefix=API_PREFIX)
-    for module in (session, scenes, missions, events, images, moments, results, bundle, system):
+    for module in (session, scenes, missions, plans, events, images, moments, results, bundle, system):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(system.health_router)
