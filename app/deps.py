@@ -72,7 +72,8 @@ MissionId = Annotated[str, Path(pattern=r"^[A-Za-z0-9-]{1,64}$", examples=["2026
 
 
 async def _mission(mission_id: MissionId, service: ServiceDep) -> Mission:
-    return service.held(mission_id) or await run_in_threadpool(service.get, mission_id)
+    held = service.held(mission_id)
+    return held if held is not None else await run_in_threadpool(service.get, mission_id)
 
 
 MissionDep = Annotated[Mission, Depends(_mission)]
