@@ -241,7 +241,7 @@ class _Program:
         return report if found is None else report.with_evaluation(found)
 
     def _what_is_left(self, mission: str) -> tuple[dict[str, Any] | None, MissionReport | None]:
-        """The mission's detail and report, its map downloaded; None for what a robot's token does not open."""
+        """The mission's detail and report, its map downloaded; None where a token does not open them."""
         try:
             detail = finished_mission(self._api, mission, patience_s=_RESULTS_S, say=self._say)
             return detail, download_results(self._api, mission, self._options.out)
