@@ -18,6 +18,7 @@ from app.cli.mesh import mesh
 from app.cli.picture import picture
 from app.cli.presets import presets
 from app.cli.refine import refine
+from app.cli.replay import replay
 from app.cli.report import report
 from app.cli.resume import resume
 from app.cli.robot import robot
@@ -63,6 +64,7 @@ application.command()(scenes)
 application.command()(presets)
 application.command()(serve)
 application.command()(robot)
+application.command()(replay)
 application.command()(token)
 application.command()(bundle)
 bench.command()(reference)

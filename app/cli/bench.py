@@ -15,6 +15,7 @@ from app.cli.bench_planners import planners, tables
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.interrupts import InterruptCommands
 from app.cli.progress import MissionProgress
+from app.cli.recordings import TopicSettings, parse_topics
 from app.cli.run import parse_settings
 
 if TYPE_CHECKING:
@@ -171,7 +172,11 @@ def ablation(
 @bench.command()
 def recording(
     folder: Annotated[
-        Path, typer.Argument(help="TUM layout: rgb.txt, depth.txt, groundtruth.txt, intrinsics.json.")
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="TUM layout (rgb.txt, depth.txt, groundtruth.txt, intrinsics.json), or a ROS 2 file .mcap.",
+        ),
     ],
     preset: Annotated[str, typer.Option(help="Mission preset whose mapping is measured.")] = "paper",
     hold_out: Annotated[
@@ -181,6 +186,7 @@ def recording(
         int | None, typer.Option(min=1, help="Threads of the kernels.", show_default="the preset's, 2")
     ] = None,
     settings: Settings = None,
+    topics: TopicSettings = None,
     json: JsonFile = None,
 ) -> None:
     """Map a recorded RGB-D sequence with known poses, and tell how the map shows frames that it never got.
@@ -197,7 +203,12 @@ def recording(
 
     with ERRORS.status("mapping") as status:
         figures = run_recording_benchmark(
-            folder, preset=preset, hold_out=hold_out, overrides=overrides, progress=status.update
+            folder,
+            preset=preset,
+            hold_out=hold_out,
+            overrides=overrides,
+            progress=status.update,
+            topics=parse_topics(topics),
         )
     _print_recording(figures)
     _write(figures, json)

@@ -1,16 +1,16 @@
-"""`CarriedCamera`: a recording on board, played by the robot's own clock. Nobody can send it anywhere."""
+"""`CarriedCamera`: a recording on board, played by its own clock. Nobody can send it anywhere."""
 
 from __future__ import annotations
 
 import threading
+from typing import Final
 
 from app.robot.camera import TakenFrame
 from app.robot.clock import RobotClock
 from app.robot.onboard import Link
-from app.robot.recording import FrameRecording
+from app.robot.playback import Playback
 from hgs_core.errors import StreamError
 from hgs_core.live.messages import (
-    PROTOCOL,
     Ack,
     Bye,
     FollowPath,
@@ -21,18 +21,25 @@ from hgs_core.live.messages import (
     Welcome,
 )
 
+_LOOK_S: Final = 0.02
+
 
 class CarriedCamera:
     """Implements `Onboard`. It plays from the first welcome on; interruptions do not hold it up."""
 
-    def __init__(self, recording: FrameRecording, clock: RobotClock, *, name: str) -> None:
+    def __init__(
+        self, playback: Playback, clock: RobotClock, *, name: str, speed: float = 1.0, waits: bool = False
+    ) -> None:
+        """`speed`: so many times as fast as it was recorded. `waits`: rather than skip a frame."""
         self.skipped = 0
         self.late = 0
         self.taken: dict[int, TakenFrame] = {}
         """By the frame's number."""
         self.error: StreamError | None = None
         """Why it broke off, if it did."""
-        self._recording = recording
+        self._playback = playback
+        self._speed = speed
+        self._waits = waits
         self._clock = clock
         self._name = name
         self._link: Link | None = None
@@ -50,15 +57,7 @@ class CarriedCamera:
         self._thread.join()
 
     def hello(self) -> Hello:
-        facts = self._recording.facts
-        return Hello(
-            protocol=PROTOCOL,
-            name=self._name,
-            camera=facts.camera,
-            robot=None,
-            scanner_range_m=facts.scanner_range_m,
-            region_m=facts.region_m,
-        )
+        return self._playback.hello(self._name)
 
     def report(self) -> Report | None:
         return None
@@ -93,16 +92,20 @@ class CarriedCamera:
             self._link.finish(Bye(reason="the recording is over"))
 
     def _play(self, link: Link) -> None:
-        began_s = self._clock.now_s()
-        path = self._recording.path
-        for index in range(len(self._recording)):
-            due_s = began_s + float(path.timestamps_s[index])
+        began_s, times_s = self._clock.now_s(), self._playback.timestamps_s
+        for index, at_s in enumerate((times_s - times_s[0]) / self._speed):
+            due_s = began_s + float(at_s)
             if self._over.wait(max(due_s - self._clock.now_s(), 0.0)):
                 return
+            while self._waits and not link.may_send_frame():
+                if self._over.wait(_LOOK_S):
+                    return
             if not link.may_send_frame():
                 self.skipped += 1
                 continue
-            frame = self._recording.frame(index, self._clock.told_s(due_s))
-            pose = path.poses[index]
-            self.taken[index] = TakenFrame(timestamp_s=due_s, T_world_camera=pose, estimate=pose)
-            link.send_frame(frame, due_s)
+            taken_s = max(due_s, self._clock.now_s()) if self._waits else due_s
+            frame = self._playback.frame(index, self._clock.told_s(taken_s))
+            pose = self._playback.pose(index)
+            if pose is not None:
+                self.taken[index] = TakenFrame(timestamp_s=taken_s, T_world_camera=pose, estimate=pose)
+            link.send_frame(frame, taken_s)

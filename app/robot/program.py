@@ -91,7 +91,7 @@ class _Program:
             say=self._say,
         )
         began_s = time.monotonic()
-        outcome = asyncio.run(_until_over(client))
+        outcome = asyncio.run(until_over(client))
         wall_s = time.monotonic() - began_s
         self._say(f"the robot stands: {client.ending}")
         figures = self._figures(mission, onboard, client, frame_faults, wall_s)
@@ -252,7 +252,7 @@ class _Program:
             return None, None
 
 
-async def _until_over(client: RobotClient) -> Outcome:
+async def until_over(client: RobotClient) -> Outcome:
     """Ctrl-C lets the robot stand and leave."""
     loop = asyncio.get_running_loop()
     for number in _SIGNALS:

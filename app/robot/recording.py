@@ -19,6 +19,8 @@ from typing import Any, Final, Literal
 
 import msgspec
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 from scipy.spatial.transform import Rotation, Slerp
 
 from app.robot.camera import scan_part
@@ -27,7 +29,7 @@ from hgs_core.errors import ConfigError, StreamError
 from hgs_core.evaluation.trajectory import Trajectory, read_trajectory, write_trajectory
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.images import encoded_colour, encoded_depth
-from hgs_core.live.messages import CameraFacts, Frame, ScanPart
+from hgs_core.live.messages import PROTOCOL, CameraFacts, Frame, Hello, ScanPart
 from hgs_core.scene.scene import Scene
 from hgs_core.sensing.depth_camera import DepthCameraConfig, with_uniform_noise
 from hgs_core.sensing.frame import Scan
@@ -144,7 +146,7 @@ def _scan(scene: Scene, pose: SE3, scanner: ScannerConfig, rng: np.random.Genera
 
 
 class FrameRecording:
-    """A folder that `record` wrote. Raises `StreamError` naming what is missing or damaged."""
+    """A folder that `record` wrote, as `Playback`. Raises `StreamError` naming what is missing or damaged."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -172,6 +174,24 @@ class FrameRecording:
 
     def __len__(self) -> int:
         return len(self.path)
+
+    @property
+    def timestamps_s(self) -> Float[ndarray, " n_frames"]:
+        return self.path.timestamps_s
+
+    def hello(self, name: str) -> Hello:
+        facts = self.facts
+        return Hello(
+            protocol=PROTOCOL,
+            name=name,
+            camera=facts.camera,
+            robot=None,
+            scanner_range_m=facts.scanner_range_m,
+            region_m=facts.region_m,
+        )
+
+    def pose(self, index: int) -> SE3:
+        return self.path.poses[index]
 
     def frame(self, index: int, time_s: float) -> Frame:
         """As it is sent, taken at `time_s` of the robot's clock."""

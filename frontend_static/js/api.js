@@ -61,6 +61,8 @@ export const listMissions = ({ cursor = null, states = [], limit = 50 } = {}) =>
   return request(`/missions?${wish}`);
 };
 export const getMission = (id) => request(`/missions/${id}`);
+/** A live mission's robot and the link to it. */
+export const getRobot = (id) => request(`/missions/${id}/robot`);
 export const listResults = (id) => request(`/missions/${id}/results`);
 export const getMetrics = (id, since) => request(`/missions/${id}/metrics?${query({ since, limit: 2000 })}`);
 

@@ -12,6 +12,7 @@ import "./elements/settings-editor.js";
 import "./elements/mission-form.js";
 import "./elements/mission-list.js";
 import "./elements/figure-board.js";
+import "./elements/robot-link.js";
 import "./elements/map-legend.js";
 import "./elements/top-view.js";
 import "./elements/scene-frame.js";

@@ -31,6 +31,7 @@ from hgs_core.mission.build import build_mapper
 from hgs_core.mission.config import resolve_mission_config
 from hgs_core.sensing.frame import Frame
 from hgs_core.sensing.recording import RecordedSequence
+from hgs_core.sensing.ros.topics import TopicOptions
 
 BASELINE: Final = "splatam"
 """The mission preset whose mapping is compared with."""
@@ -110,15 +111,17 @@ def run_recording_benchmark(
     hold_out: int,
     overrides: dict[str, str],
     progress: Callable[[str], None],
+    topics: TopicOptions | None = None,
 ) -> RecordingBenchmark:
     """Map the recording twice, with `preset` and with `splatam`, `overrides` changing both.
 
-    Of the presets, the sections mapping, voxels, sensor.camera (range and interval) and threads count. Raises
-    `StreamError` for a recording that cannot be read, `ConfigError` for a preset, an override or a `hold_out`
-    that leaves nothing to map or to measure, and `MapError` when a process ends without an answer.
+    It is a folder in the TUM layout or an MCAP file, whose `topics` may be named. Of the presets, the
+    sections mapping, voxels, sensor.camera (range and interval) and threads count. Raises `StreamError` for a
+    recording that cannot be read, `ConfigError` for a preset, an override or a `hold_out` that leaves nothing
+    to map or to measure, and `MapError` when a process ends without an answer.
     """
     config = resolve_mission_config(preset, overrides)
-    n_frames = len(RecordedSequence(folder))
+    n_frames = len(RecordedSequence(folder, topics))
     if not 2 <= hold_out <= n_frames:
         raise ConfigError(
             f"--hold-out {hold_out}: {folder.name} has {n_frames} frames, so hold out every 2nd to every "
@@ -127,7 +130,7 @@ def run_recording_benchmark(
     maps = []
     for name in (preset, BASELINE):
         progress(f"{n_frames} frames of {folder.name} with preset {name}")
-        maps.append(_in_own_process(folder, name, overrides, hold_out))
+        maps.append(_in_own_process(folder, name, overrides, hold_out, topics))
     return RecordingBenchmark(
         cpu=processor_name(),
         threads=config.threads,
@@ -140,11 +143,17 @@ def run_recording_benchmark(
     )
 
 
-def map_recording(folder: Path, preset: str, overrides: dict[str, str], hold_out: int) -> RecordingMap:
+def map_recording(
+    folder: Path,
+    preset: str,
+    overrides: dict[str, str],
+    hold_out: int,
+    topics: TopicOptions | None = None,
+) -> RecordingMap:
     """Map all frames but every `hold_out`-th, and measure the map at those. Sets the kernels' threads."""
     config = resolve_mission_config(preset, overrides)
     kernels.set_threads(config.threads)
-    sequence = RecordedSequence(folder)
+    sequence = RecordedSequence(folder, topics)
     range_m = config.sensor.camera.range_m
     with tempfile.TemporaryDirectory(prefix="hgs-bench-") as keyframes:
         mapper = build_mapper(
@@ -187,10 +196,12 @@ def played_frames(sequence: RecordedSequence, hold_out: int, interval_s: float) 
         yield replace(frame, timestamp_s=number * interval_s)
 
 
-def _in_own_process(folder: Path, preset: str, overrides: dict[str, str], hold_out: int) -> RecordingMap:
+def _in_own_process(
+    folder: Path, preset: str, overrides: dict[str, str], hold_out: int, topics: TopicOptions | None
+) -> RecordingMap:
     with ProcessPoolExecutor(1, mp_context=_SPAWN) as process:
         try:
-            return process.submit(map_recording, folder, preset, overrides, hold_out).result()
+            return process.submit(map_recording, folder, preset, overrides, hold_out, topics).result()
         except BrokenProcessPool as error:
             raise MapError(
                 f"the process that mapped {folder.name} with preset {preset!r} ended without an answer: "

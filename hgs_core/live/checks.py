@@ -9,19 +9,26 @@ from typing import Final
 import numpy as np
 
 from hgs_core.errors import HgsError, StreamError
-from hgs_core.geometry.camera import CameraIntrinsics
-from hgs_core.geometry.se3 import SE3
-from hgs_core.live.messages import PROTOCOL, Ack, Bye, CameraFacts, Frame, FromRobot, Hello, Report, ScanPart
+from hgs_core.live.cameras import RobotCameras
+from hgs_core.live.messages import (
+    PROTOCOL,
+    Ack,
+    Bye,
+    CameraFacts,
+    DepthCameraFacts,
+    Frame,
+    FromRobot,
+    Hello,
+    Report,
+    ScanPart,
+)
+from hgs_core.live.poses import FARTHEST_M, pose_of
 from hgs_core.robot.vehicle import robot_config
 
 MAX_PIXELS: Final = 4_000_000
 MAX_RAYS: Final = 20_000
 MAX_TEXT: Final = 300
-FARTHEST_M: Final = 10_000.0
-"""A pose farther from its origin than this is no pose."""
 MAX_REGION_M: Final = 200.0
-RIGID_TOLERANCE: Final = 1e-3
-"""By how much entries of a rotation times its transpose may differ from the identity's."""
 
 
 class MessageChecks:
@@ -40,7 +47,7 @@ class MessageChecks:
         elif self._hello is None:
             raise StreamError("the first message must be a hello")
         elif isinstance(message, Frame):
-            check_frame(message, self._hello.camera)
+            check_frame(message, self._hello)
             self._check_order(message)
         elif isinstance(message, Report):
             check_report(message)
@@ -65,7 +72,7 @@ def check_hello(hello: Hello) -> None:
     if hello.protocol != PROTOCOL:
         raise StreamError(f"protocol {hello.protocol} is not spoken here: this is protocol {PROTOCOL}")
     _check_text(hello.name, "name")
-    check_camera(hello.camera)
+    _check_cameras(hello)
     if not (_finite([hello.scanner_range_m]) and 0 < hello.scanner_range_m <= FARTHEST_M):
         raise StreamError(f"scanner_range_m {hello.scanner_range_m}: expected a distance above 0")
     if hello.robot is not None:
@@ -81,53 +88,41 @@ def check_hello(hello: Hello) -> None:
         _check_region(hello.region_m)
 
 
-def check_camera(camera: CameraFacts) -> None:
-    try:
-        CameraIntrinsics(
-            width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy
-        )
-    except HgsError as error:
-        raise StreamError(f"the camera is none: {error}") from error
-    if camera.width * camera.height > MAX_PIXELS:
-        raise StreamError(
-            f"the camera has {camera.width} x {camera.height} pixels, more than {MAX_PIXELS}: "
-            "scale its images"
-        )
-    numbers = [camera.fx, camera.fy, camera.cx, camera.cy]
-    positive = [camera.range_m, camera.mount_height_m, camera.frame_interval_s]
-    if not _finite([*numbers, *positive]) or min(positive) <= 0:
-        raise StreamError(f"the camera needs finite numbers, and distances and intervals above 0: {camera}")
+def _check_cameras(hello: Hello) -> None:
+    cameras: list[CameraFacts | DepthCameraFacts] = [hello.camera]
+    if hello.depth_camera is not None:
+        cameras.append(hello.depth_camera)
+    for camera in cameras:
+        if camera.width * camera.height > MAX_PIXELS:
+            raise StreamError(
+                f"a camera of {camera.width} x {camera.height} pixels has more than {MAX_PIXELS}: "
+                "scale its images"
+            )
+        if not _finite([camera.fx, camera.fy, camera.cx, camera.cy]):
+            raise StreamError(f"a camera needs finite numbers: {camera}")
+    facts = hello.camera
+    positive = [facts.range_m, facts.mount_height_m, facts.frame_interval_s]
+    if not _finite(positive) or min(positive) <= 0:
+        raise StreamError(f"the camera's distances and intervals must be finite and above 0: {facts}")
+    RobotCameras.of(hello)
 
 
-def check_frame(frame: Frame, camera: CameraFacts) -> None:
+def check_frame(frame: Frame, hello: Hello) -> None:
     if not _finite([frame.time_s, frame.depth_scale]) or frame.depth_scale <= 0:
         raise StreamError(
             f"frame {frame.sequence}: time_s {frame.time_s} and depth_scale {frame.depth_scale} must be "
             "finite, the scale above 0"
         )
-    # No encoding makes an image larger than this, but one that hides something else.
-    most = 4 * camera.width * camera.height + 65_536
-    for what, content in (("colour", frame.colour), ("depth", frame.depth)):
+    colour, depth = hello.camera, hello.depth_camera or hello.camera
+    for what, content, camera in (("colour", frame.colour, colour), ("depth", frame.depth, depth)):
+        # No encoding makes an image larger than this, but one that hides something else.
+        most = 4 * camera.width * camera.height + 65_536
         if not 0 < len(content) <= most:
             raise StreamError(f"frame {frame.sequence}: {what} of {len(content)} bytes; expected 1 to {most}")
     if frame.pose is not None:
         pose_of(frame.pose, f"frame {frame.sequence}")
     if frame.scan is not None:
         _check_scan(frame.scan, f"frame {frame.sequence}")
-
-
-def pose_of(numbers: list[float], where: str) -> SE3:
-    """The rigid transform of 16 numbers, row by row. Raises `StreamError` for any other."""
-    if len(numbers) != 16 or not _finite(numbers):
-        raise StreamError(f"{where}: a pose has 16 finite numbers, row by row")
-    matrix = np.array(numbers, dtype=np.float64).reshape(4, 4)
-    rotation, translation = matrix[:3, :3], matrix[:3, 3]
-    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if off > RIGID_TOLERANCE or np.linalg.det(rotation) < 0 or not np.allclose(matrix[3], [0, 0, 0, 1]):
-        raise StreamError(f"{where}: the pose is not rigid (off by {off:.2g})")
-    if np.abs(translation).max() > FARTHEST_M:
-        raise StreamError(f"{where}: the pose lies {np.abs(translation).max():.0f} m from the origin")
-    return SE3(rotation=rotation, translation=translation)
 
 
 def check_report(report: Report) -> None:

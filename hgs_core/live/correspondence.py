@@ -13,8 +13,8 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from hgs_core.errors import StreamError
-from hgs_core.geometry.camera import CameraIntrinsics
-from hgs_core.live.checks import MessageChecks, pose_of
+from hgs_core.live.cameras import RobotCameras
+from hgs_core.live.checks import MessageChecks
 from hgs_core.live.config import LiveConfig
 from hgs_core.live.images import decoded_colour, decoded_depth
 from hgs_core.live.link import Link
@@ -23,7 +23,6 @@ from hgs_core.live.messages import (
     Ack,
     Answer,
     Bye,
-    CameraFacts,
     Frame,
     FromRobot,
     Heartbeat,
@@ -35,7 +34,10 @@ from hgs_core.live.messages import (
     encoded,
     from_robot,
 )
+from hgs_core.live.poses import pose_of
 from hgs_core.sensing import frame as sensing
+from hgs_core.sensing.raw_frame import RawFrame
+from hgs_core.sensing.rectifier import Rectifier
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +83,8 @@ class Correspondence:
         self._changed = threading.Condition()
         self._checks = MessageChecks()
         self._hello: Hello | None = None
+        self._cameras: RobotCameras | None = None
+        self._rectifier = Rectifier()
         self._reports: deque[Report] = deque(maxlen=_REPORTS_KEPT)
         self._frame: LiveFrame | None = None
         self._n_dropped = 0
@@ -266,13 +270,14 @@ class Correspondence:
 
     def _take_hello(self, hello: Hello) -> None:
         known = self._hello
-        if known is not None and (known.camera, known.robot) != (hello.camera, hello.robot):
+        if known is not None and _carries(known) != _carries(hello):
             raise StreamError(
                 "this is another robot than the mission began with: its camera or its drive differs. "
                 "Start a mission of its own for it"
             )
         with self._changed:
             self._hello, self._frame = hello, None
+            self._cameras = RobotCameras.of(hello)
             self._reports.clear()
             if hello.report is not None:
                 self._reports.append(hello.report)
@@ -293,9 +298,9 @@ class Correspondence:
             self._on_hello(hello)
 
     def _take_in(self, frame: Frame) -> None:
-        assert self._hello is not None
+        assert self._cameras is not None
         try:
-            live = self._unpacked(frame, self._hello.camera)
+            live = self._unpacked(frame, self._cameras)
         except StreamError as error:
             self.answer(frame.sequence, "refused", str(error))
             return
@@ -308,7 +313,7 @@ class Correspondence:
         if overtaken is not None:
             self.answer(overtaken.sequence, "dropped")
 
-    def _unpacked(self, frame: Frame, camera: CameraFacts) -> LiveFrame:
+    def _unpacked(self, frame: Frame, cameras: RobotCameras) -> LiveFrame:
         if frame.pose is None:
             raise StreamError(f"frame {frame.sequence} has no pose: this mission does not find it by itself")
         with self._changed:
@@ -323,19 +328,19 @@ class Correspondence:
                 ranges_m=ranges,
                 timestamp_s=time_s,
             )
-        return LiveFrame(
-            frame=sensing.Frame(
-                rgb=decoded_colour(frame, camera),
-                depth_m=decoded_depth(frame, camera),
-                intrinsics=intrinsics_of(camera),
-                T_world_camera=pose_of(frame.pose, f"frame {frame.sequence}"),
-                timestamp_s=time_s,
-                sequence=frame.sequence,
-            ),
-            scan=scan,
-            report=report,
+        pose = pose_of(frame.pose, f"frame {frame.sequence}")
+        raw = RawFrame(
+            rgb=decoded_colour(frame, cameras.colour.intrinsics),
+            depth_m=decoded_depth(frame, cameras.depth.intrinsics),
+            colour_camera=cameras.colour,
+            depth_camera=cameras.depth,
+            T_colour_depth=cameras.T_colour_depth,
+            T_world_camera=pose,
+            timestamp_s=time_s,
             sequence=frame.sequence,
         )
+        seen = self._rectifier.rectify(raw).at(pose)
+        return LiveFrame(frame=seen, scan=scan, report=report, sequence=frame.sequence)
 
     def _beat(self) -> None:
         while not self._closing.wait(_BEAT_S):
@@ -346,7 +351,6 @@ class Correspondence:
         return {"time_s": self.time_s}
 
 
-def intrinsics_of(camera: CameraFacts) -> CameraIntrinsics:
-    return CameraIntrinsics(
-        width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy
-    )
+def _carries(hello: Hello) -> tuple[object, ...]:
+    """What must not change within a mission."""
+    return hello.camera, hello.depth_camera, hello.robot

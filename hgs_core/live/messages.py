@@ -24,8 +24,15 @@ class _Message(msgspec.Struct, kw_only=True, frozen=True, tag_field="type", forb
     pass
 
 
+class LensFacts(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """How a lens bends rays: the models and coefficients of ROS's CameraInfo (`hgs_core.geometry.lens`)."""
+
+    model: str = "none"
+    coefficients: list[float] = []
+
+
 class CameraFacts(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
-    """A colour camera and the depth that is aligned with it."""
+    """A colour camera, and the depth camera where that is the same."""
 
     width: int
     height: int
@@ -34,11 +41,26 @@ class CameraFacts(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fiel
     cx: float
     cy: float
     """As `CameraIntrinsics`: pixel centres at integer + 0.5."""
+    lens: LensFacts = LensFacts()
     range_m: float
     """Farthest z-depth that it measures."""
     mount_height_m: float = 1.0
     """Of the optical centre above the floor; for a robot that drives."""
     frame_interval_s: float = 0.4
+
+
+class DepthCameraFacts(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """A depth camera that is not the colour camera: its images are aligned with colour's."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    pose: list[float]
+    """Its pose in the colour camera, 16 numbers row by row."""
+    lens: LensFacts = LensFacts()
 
 
 class Report(_Message, frozen=True, tag="report"):
@@ -71,6 +93,8 @@ class Hello(_Message, frozen=True, tag="hello"):
     robot: dict[str, Any] | None
     """Settings of its drive (`configs/robot`), without which it cannot be sent anywhere; None = a camera that
     somebody carries, or a recording: it is mapped, and no plans are made."""
+    depth_camera: DepthCameraFacts | None = None
+    """None = depth comes aligned with colour, pixel by pixel."""
     report: Report | None = None
     """Where it is; needed from a robot that drives."""
     scanner_range_m: float = 5.0

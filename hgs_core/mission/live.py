@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable
 
 from hgs_core.errors import CheckpointError, RobotError
+from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.correspondence import Correspondence
 from hgs_core.live.link import Link
 from hgs_core.live.messages import Hello
@@ -101,14 +102,14 @@ def _met(
 def with_robot(config: MissionConfig, hello: Hello) -> MissionConfig:
     """The settings with what the robot says of its camera, scanner and drive; the clock is the real one, and
     nothing is known to compare the map with."""
-    facts = hello.camera
+    facts, seen = hello.camera, RobotCameras.of(hello).colour.undistorted()
     camera = config.sensor.camera.model_copy(
         update={
-            "width": facts.width,
-            "height": facts.height,
-            "focal_px": facts.fx,
-            "focal_y_px": facts.fy,
-            "centre_px": (facts.cx, facts.cy),
+            "width": seen.width,
+            "height": seen.height,
+            "focal_px": seen.fx,
+            "focal_y_px": seen.fy,
+            "centre_px": (seen.cx, seen.cy),
             "range_m": facts.range_m,
             "mount_height_m": facts.mount_height_m,
             "frame_interval_s": facts.frame_interval_s,

@@ -1,174 +1,61 @@
-"""Recorded RGB-D sequences in the TUM layout, as frames."""
+"""Recordings as frames with poses, wherever they come from."""
 
 from __future__ import annotations
 
-import json
-from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float32, UInt8
-from numpy import ndarray
-from PIL import Image, UnidentifiedImageError
-
-from hgs_core.errors import ConfigError, SensorError, StreamError
-from hgs_core.geometry.camera import CameraIntrinsics
-from hgs_core.geometry.se3 import SE3
+from hgs_core.errors import StreamError
 from hgs_core.sensing.frame import Frame
+from hgs_core.sensing.mcap_recording import McapRecording
+from hgs_core.sensing.raw_frame import FrameSource
+from hgs_core.sensing.rectifier import Rectifier
+from hgs_core.sensing.ros.topics import TopicOptions
+from hgs_core.sensing.tum import TumRecording
 
-_NO_RETURN = (0, 65535)
-"""Raw depths that sensors of this kind write where they measured nothing."""
 
-_MAX_TIME_OFFSET_S = 0.02
+def open_recording(path: Path, options: TopicOptions | None = None) -> FrameSource:
+    """A folder in the TUM layout, or an MCAP file, of which `options` names the topics.
 
-
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    time_s: float
-    fields: tuple[str, ...]
-    where: str
+    Raises `StreamError` when there is neither or it is malformed.
+    """
+    if path.is_dir():
+        if options is not None:
+            raise StreamError(f"{path} is a folder in the TUM layout, which has no topics to choose")
+        return TumRecording(path)
+    if path.suffix == ".mcap":
+        return McapRecording(path, options or TopicOptions())
+    there_is = "it ends otherwise" if path.exists() else "it is missing"
+    raise StreamError(
+        f"{path} is no recording ({there_is}): expected a folder with rgb.txt, depth.txt and "
+        "intrinsics.json, or a file .mcap"
+    )
 
 
 class RecordedSequence:
-    """A folder with `rgb.txt`, `depth.txt`, `groundtruth.txt` (timestamp tx ty tz qx qy qz qw) and
-    `intrinsics.json`.
+    """The frames of a recording that come with a pose, rectified (`Rectifier`) and numbered from 0.
 
-    Each colour image is joined with the depth image and the pose nearest in time, at most 20 ms away; colour
-    images without both are left out (see `n_unmatched`). Iterating reads images one by one. Raises
-    `StreamError` naming file and line for anything malformed.
+    Iterating reads images one by one. Frames without a pose are left out and count as unmatched. Raises
+    `StreamError` for a recording that is malformed, or none of whose frames has a pose.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.intrinsics, self._depth_scale = _read_intrinsics(folder / "intrinsics.json")
-        colours = _read_rows(folder / "rgb.txt", n_fields=1)
-        depths = _read_rows(folder / "depth.txt", n_fields=1)
-        poses = _read_rows(folder / "groundtruth.txt", n_fields=7)
-        joined = [(c, _nearest(depths, c.time_s), _nearest(poses, c.time_s)) for c in colours]
-        self._rows = [(c, d, _pose(p)) for c, d, p in joined if d is not None and p is not None]
-        self.n_unmatched = len(colours) - len(self._rows)
-        if not self._rows:
+    def __init__(self, path: Path, options: TopicOptions | None = None) -> None:
+        self._source = open_recording(path, options)
+        self._n = int(self._source.is_posed.sum())
+        self.n_unmatched = self._source.n_unmatched + len(self._source) - self._n
+        if self._n == 0:
             raise StreamError(
-                f"{folder}: no colour image has a depth image and a pose within {_MAX_TIME_OFFSET_S} s of it"
+                f"{path}: no colour image has a depth image and a pose; {self._source.pose_origin}"
             )
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return self._n
 
     def __iter__(self) -> Iterator[Frame]:
-        for sequence, (colour, depth, pose) in enumerate(self._rows):
-            yield Frame(
-                rgb=self._read_rgb(colour),
-                depth_m=self._read_depth(depth),
-                intrinsics=self.intrinsics,
-                T_world_camera=pose,
-                timestamp_s=colour.time_s,
-                sequence=sequence,
-            )
-
-    def _read_rgb(self, row: _Row) -> UInt8[ndarray, "h w 3"]:
-        with self._open_image(row) as image:
-            return np.asarray(image.convert("RGB"))
-
-    def _read_depth(self, row: _Row) -> Float32[ndarray, "h w"]:
-        with self._open_image(row) as image:
-            raw = np.asarray(image)
-        if raw.ndim != 2:
-            raise StreamError(
-                f"{row.where}: {row.fields[0]} has {raw.ndim} axes, expected a one-channel depth image"
-            )
-        depth = raw.astype(np.float32) / np.float32(self._depth_scale)
-        depth[np.isin(raw, _NO_RETURN)] = 0.0
-        return depth
-
-    def _open_image(self, row: _Row) -> Image.Image:
-        path = self.folder / row.fields[0]
-        try:
-            image = Image.open(path)
-            image.load()
-        except FileNotFoundError as error:
-            raise StreamError(f"{row.where}: {path} is missing") from error
-        except (UnidentifiedImageError, OSError) as error:
-            raise StreamError(f"{row.where}: {path} is not a readable image: {error}") from error
-        if image.size != (self.intrinsics.width, self.intrinsics.height):
-            raise StreamError(
-                f"{row.where}: {row.fields[0]} measures {image.width} x {image.height} pixels, "
-                f"the camera {self.intrinsics.width} x {self.intrinsics.height}"
-            )
-        return image
-
-
-def _read_intrinsics(path: Path) -> tuple[CameraIntrinsics, float]:
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        intrinsics = CameraIntrinsics(
-            width=int(values["width"]),
-            height=int(values["height"]),
-            fx=float(values["fx"]),
-            fy=float(values["fy"]),
-            cx=float(values["cx"]),
-            cy=float(values["cy"]),
-        )
-        scale = float(values["depth_scale"])
-    except FileNotFoundError as error:
-        raise StreamError(f"{path} is missing: a sequence needs its camera's intrinsics") from error
-    except json.JSONDecodeError as error:
-        raise StreamError(f"{path}:{error.lineno}: not valid JSON: {error.msg}") from error
-    except (KeyError, TypeError, ValueError, ConfigError) as error:
-        raise StreamError(
-            f"{path}: {error!r}; expected numbers width, height, fx, fy, cx, cy, "
-            "depth_scale (units per metre)"
-        ) from error
-    if not scale > 0:
-        raise StreamError(f"{path}: depth_scale is {scale}, expected units per metre above 0")
-    return intrinsics, scale
-
-
-def _read_rows(path: Path, *, n_fields: int) -> list[_Row]:
-    """Rows in order of time; comments and empty lines are skipped."""
-    if not path.is_file():
-        raise StreamError(
-            f"{path} is missing: expected rgb.txt, depth.txt, groundtruth.txt and intrinsics.json"
-        )
-    rows = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        where = f"{path}:{number}"
-        if len(words) != 1 + n_fields:
-            raise StreamError(f"{where}: {len(words)} fields, expected a timestamp and {n_fields} more")
-        rows.append(_Row(time_s=_number(words[0], where), fields=tuple(words[1:]), where=where))
-    if not rows:
-        raise StreamError(f"{path}: no rows")
-    for before, after in pairwise(rows):
-        if after.time_s <= before.time_s:
-            raise StreamError(f"{after.where}: timestamp {after.time_s} is not after the row before")
-    return rows
-
-
-def _number(word: str, where: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        raise StreamError(f"{where}: {word!r} is not a number") from None
-    if not np.isfinite(value):
-        raise StreamError(f"{where}: {word!r} is not finite")
-    return value
-
-
-def _pose(row: _Row) -> SE3:
-    tx, ty, tz, qx, qy, qz, qw = (_number(word, row.where) for word in row.fields)
-    try:
-        return SE3.from_quaternion_wxyz(np.array([qw, qx, qy, qz]), np.array([tx, ty, tz]))
-    except SensorError as error:
-        raise StreamError(f"{row.where}: {error}") from error
-
-
-def _nearest(rows: list[_Row], time_s: float) -> _Row | None:
-    after = bisect_left(rows, time_s, key=lambda row: row.time_s)
-    near = min(rows[max(0, after - 1) : after + 1], key=lambda row: abs(row.time_s - time_s))
-    return near if abs(near.time_s - time_s) <= _MAX_TIME_OFFSET_S else None
+        rectifier, sequence = Rectifier(), 0
+        for raw in self._source:
+            if raw.T_world_camera is not None:
+                frame = rectifier.rectify(raw).at(raw.T_world_camera)
+                yield replace(frame, sequence=sequence)
+                sequence += 1

@@ -13,6 +13,8 @@ from hgs_core.benchmark.recording import RecordingBenchmark, map_recording, play
 from hgs_core.errors import ConfigError, StreamError
 from hgs_core.mission.config import resolve_mission_config
 from hgs_core.sensing.recording import RecordedSequence
+from hgs_core.sensing.ros.topics import TopicOptions
+from tests.sensing import bags
 
 WIDTH, HEIGHT, FOCAL, WALL_M = 96, 64, 80.0, 1.5
 SMALL = {"threads": "1", "mapping.iterations_per_s": "10"}
@@ -121,6 +123,37 @@ def test_both_configurations_are_compared(tmp_path: Path) -> None:
         assert one.held_out.covered_share > 0.9
 
 
+def test_a_ros_recording_is_mapped_with_the_topics_that_are_named(tmp_path: Path) -> None:
+    sequence = RecordedSequence(write_recording(tmp_path / "wall"))
+    path = tmp_path / "wall.mcap"
+    with bags.Bag(path) as bag:
+        info = bags.camera_info(0.0, (WIDTH, HEIGHT), FOCAL, "camera")
+        bag.add("/camera_info", "sensor_msgs/msg/CameraInfo", 0.0, info)
+        for frame in sequence:
+            t, x_m = frame.timestamp_s, float(frame.T_world_camera.translation[0])
+            png = bags.encoded(frame.rgb, "PNG")
+            depth = bags.compressed_depth((frame.depth_m * 1000).astype(np.uint16))
+            for topic in ("/rgb", "/other"):
+                image = bags.compressed(t, png, "png", "camera")
+                bag.add(topic, "sensor_msgs/msg/CompressedImage", t, image)
+            image = bags.compressed(t, depth, "16UC1; compressedDepth", "camera")
+            bag.add("/depth", "sensor_msgs/msg/CompressedImage", t, image)
+            bag.add("/pose", "geometry_msgs/msg/PoseStamped", t, bags.pose_stamped(t, (x_m, 0.0, 0.0)))
+    figures = map_recording(path, "paper", SMALL, 3, TopicOptions(colour="/rgb"))
+    assert figures == map_recording(tmp_path / "wall", "paper", SMALL, 3).model_copy(
+        update={
+            name: getattr(figures, name)
+            for name in ("mapping_s", "mapping_cpu_s", "frames_per_s", "peak_rss_mib")
+        }
+    )
+    code, output = bench_recording(path)
+    assert code == 2
+    assert "2 topics hold colour images (/other, /rgb)" in output.replace("\n", " ")
+    code, output = bench_recording(path, "--topic", "color=/rgb")
+    assert code == 2
+    assert "There are: colour, depth" in " ".join(output.split())
+
+
 def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
     folder = write_recording(tmp_path / "wall")
     code, output = bench_recording(folder, "--hold-out", "7")
@@ -128,7 +161,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
     assert "wall has 6 frames" in output
     code, output = bench_recording(tmp_path / "nowhere")
     assert code == 2
-    assert "is missing" in output
+    assert "is no recording" in output
     with pytest.raises(ConfigError, match="no mission preset"):
         map_recording(folder, "unknown", {}, 3)
     with pytest.raises(StreamError):

@@ -7,11 +7,15 @@ import pytest
 
 from hgs_core.live.config import LiveConfig
 from hgs_core.live.correspondence import Correspondence
+from hgs_core.live.images import encoded_depth
 from hgs_core.live.messages import (
     Ack,
     Answer,
+    DepthCameraFacts,
     FollowPath,
     Heartbeat,
+    Hello,
+    LensFacts,
     LimitSpeed,
     Refusal,
     Report,
@@ -22,9 +26,11 @@ from hgs_core.live.messages import (
 )
 from hgs_core.live.robot import LiveRobot
 from hgs_core.live.world import LiveWorld
+from hgs_core.mission.live import with_robot
 from hgs_core.robot.differential import Differential, DifferentialConfig
 from hgs_core.robot.path import Path
-from tests.live.test_messages import HELLO, REPORT, changed, frame
+from tests.live.far_robot import far_config
+from tests.live.test_messages import CAMERA, HELLO, REPORT, changed, facts, frame
 
 CONFIG = LiveConfig(dead_man_s=2.0, frame_s=4.0, command_s=1.0, off_path_m=0.5)
 AWAY = Path(positions_m=np.array([[1.0, 2.0], [3.0, 2.0]]), yaws_rad=np.array([np.nan, 0.0]))
@@ -48,15 +54,15 @@ class Line:
 class Call:
     """A robot that has said hello, with everything in the test's hand."""
 
-    def __init__(self) -> None:
+    def __init__(self, hello: Hello = HELLO) -> None:
         self.line = Line()
         self.now = 100.0
         self.notices: list[str] = []
         self.correspondence = Correspondence(
             self.line, CONFIG, notice=lambda _, message: self.notices.append(message), now=lambda: self.now
         )
-        self.say(HELLO)
-        self.world = LiveWorld(self.correspondence, HELLO, Differential(DifferentialConfig()), CONFIG)
+        self.say(hello)
+        self.world = LiveWorld(self.correspondence, hello, Differential(DifferentialConfig()), CONFIG)
         assert isinstance(self.world.robot, LiveRobot)
         self.robot = self.world.robot
 
@@ -208,3 +214,24 @@ def test_a_mission_that_goes_on_counts_on(call: Call) -> None:
     later.robot.follow(AWAY)
     assert later.told(FollowPath)[0].command > call.told(FollowPath)[0].command
     assert isinstance(later.correspondence.report, Report)
+
+
+def test_a_lens_is_undone_and_another_depth_camera_aligned(call: Call) -> None:
+    """A pincushion lens, and a depth camera of half the pixels beside it: frames are those of one pinhole."""
+    lens = LensFacts(model="plumb_bob", coefficients=[0.6, 0.0, 0.0, 0.0])
+    beside = np.eye(4)
+    beside[0, 3] = 0.05
+    depth = DepthCameraFacts(
+        width=4, height=3, fx=3.0, fy=3.0, cx=2.0, cy=1.5, pose=beside.reshape(-1).tolist()
+    )
+    hello = changed(HELLO, camera=facts(lens=lens), depth_camera=depth)
+    other = Call(hello)
+    wall = np.full((3, 4), 2.0, np.float32)
+    other.say(frame(depth=encoded_depth(wall)))
+    other.world.scan()
+    seen = other.world.capture()
+    assert seen.rgb.shape == (6, 8, 3)
+    assert seen.intrinsics.fx > CAMERA.fx
+    assert set(np.unique(seen.depth_m)) <= {np.float32(0.0), np.float32(2.0)}
+    assert (seen.depth_m == 2.0).mean() > 0.1
+    assert with_robot(far_config(), hello).sensor.camera.intrinsics() == seen.intrinsics

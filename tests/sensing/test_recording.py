@@ -5,7 +5,9 @@ import pytest
 from PIL import Image
 
 from hgs_core.errors import StreamError
-from hgs_core.sensing.recording import RecordedSequence
+from hgs_core.sensing.raw_frame import FrameSource
+from hgs_core.sensing.recording import RecordedSequence, open_recording
+from hgs_core.sensing.ros.topics import TopicOptions
 
 
 @pytest.fixture
@@ -60,7 +62,8 @@ def test_colours_without_depth_or_pose_are_left_out(folder):
         ("rgb.txt", "0.0 rgb/0.png\nsoon rgb/1.png\n", r"rgb\.txt:2: 'soon' is not a number"),
         ("rgb.txt", "0.1 rgb/0.png\n0.1 rgb/1.png\n", r"rgb\.txt:2: timestamp 0\.1 is not after"),
         ("rgb.txt", "# nothing\n", r"rgb\.txt: no rows"),
-        ("rgb.txt", "9.0 rgb/0.png\n", "no colour image has a depth image and a pose"),
+        ("rgb.txt", "9.0 rgb/0.png\n", "no colour image has a depth image within 0.02 s"),
+        ("groundtruth.txt", "9.0 1 2 3 0 0 0 1\n", "no colour image has a depth image and a pose"),
         ("groundtruth.txt", "0.0 1 2 3 0 0 0\n", r"groundtruth\.txt:1: 7 fields"),
         ("groundtruth.txt", "0.0 1 nan 3 0 0 0 1\n", r"groundtruth\.txt:1: 'nan' is not finite"),
         ("groundtruth.txt", "0.0 1 2 3 0 0 0 2\n", r"groundtruth\.txt:1: quaternion wxyz has norm 2"),
@@ -72,6 +75,41 @@ def test_malformed_lists_are_refused_with_file_and_line(folder, file, text, mess
     (folder / file).write_text(text)
     with pytest.raises(StreamError, match=message):
         RecordedSequence(folder)
+
+
+def test_frames_without_a_pose_are_there_for_those_who_can_do_without(folder):
+    (folder / "groundtruth.txt").write_text("0.0 1 2 3 0 0 0 1\n0.2 1 2 5 0 0 0 1\n")
+    source = open_recording(folder)
+    assert isinstance(source, FrameSource)
+    assert source.is_posed.tolist() == [True, False, True]
+    assert [raw.T_world_camera is None for raw in source] == [False, True, False]
+    sequence = RecordedSequence(folder)
+    assert (len(sequence), sequence.n_unmatched) == (2, 1)
+    assert [(frame.sequence, frame.timestamp_s) for frame in sequence] == [(0, 0.0), (1, 0.2)]
+    (folder / "groundtruth.txt").unlink()
+    assert not open_recording(folder).is_posed.any()
+
+
+def test_the_lens_of_a_recording_is_undone(folder):
+    camera = json.loads((folder / "intrinsics.json").read_text())
+    lens = {"distortion_model": "plumb_bob", "distortion": [5.0, 0.0, 0.0, 0.0]}
+    (folder / "intrinsics.json").write_text(json.dumps({**camera, **lens}))
+    frame = next(iter(RecordedSequence(folder)))
+    assert frame.intrinsics.fx > 5.0
+    (folder / "intrinsics.json").write_text(json.dumps({**camera, "distortion": [0.5]}))
+    with pytest.raises(StreamError, match=r"intrinsics\.json: .*none takes 0 coefficients"):
+        RecordedSequence(folder)
+
+
+def test_what_is_no_recording_is_refused(tmp_path):
+    for name in ("nowhere", "film.avi"):
+        with pytest.raises(StreamError, match=r"is no recording .it is missing"):
+            open_recording(tmp_path / name)
+    (tmp_path / "film.avi").touch()
+    with pytest.raises(StreamError, match="it ends otherwise"):
+        open_recording(tmp_path / "film.avi")
+    with pytest.raises(StreamError, match="has no topics to choose"):
+        open_recording(tmp_path, TopicOptions())
 
 
 @pytest.mark.parametrize("file", ["rgb.txt", "depth.txt", "groundtruth.txt", "intrinsics.json"])

@@ -11,6 +11,7 @@ from app.robot.clock import RobotClock
 from app.robot.link_faults import LinkFaults
 from app.robot.outcome import MissionWord, Outcome
 from hgs_core.errors import RobotError
+from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.images import decoded_colour, decoded_depth
 from hgs_core.live.messages import Frame, Heartbeat, Hello, LimitSpeed, Refusal, Report, Stop
 from hgs_core.robot.pure_pursuit import BRAKING_MPS2
@@ -58,9 +59,9 @@ def test_it_says_hello_sends_frames_and_follows_a_path(service, start):
     assert report.x_m == pytest.approx(0.8, abs=0.02)
     assert report.yaw_rad == pytest.approx(1.0, abs=0.02)
     service.wait_for(lambda: len(service.of(Frame)) >= 5)
-    frames = service.of(Frame)
-    assert decoded_colour(frames[0], hello.camera).shape == (CAMERA.height, CAMERA.width, 3)
-    assert decoded_depth(frames[0], hello.camera).max() > 1.0
+    frames, camera = service.of(Frame), RobotCameras.of(hello).colour.intrinsics
+    assert decoded_colour(frames[0], camera).shape == (CAMERA.height, CAMERA.width, 3)
+    assert decoded_depth(frames[0], camera).max() > 1.0
     assert frames[0].time_s > 777.0
     assert len(frames[0].scan.ranges_m) == 4 * 36
     assert frames[0].pose[3] == pytest.approx(0.0)

@@ -1,0 +1,110 @@
+"""`hgs replay` as a program: a mission, and a recording that is sent to it as if it happened now."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from app.robot.carried_camera import CarriedCamera
+from app.robot.client import RobotClient
+from app.robot.clock import RobotClock
+from app.robot.figures import Delays, LinkFigures
+from app.robot.link_faults import FrameFaults, LinkFaults
+from app.robot.outcome import Outcome
+from app.robot.program import mission_word, until_over
+from app.robot.rest import ServiceApi
+from app.robot.stream_playback import StreamPlayback
+from hgs_core.sensing.recording import open_recording
+from hgs_core.sensing.ros.topics import TopicOptions
+
+_NO_FAULTS: Final = LinkFaults()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """The options of `hgs replay`."""
+
+    source: Path
+    server: str
+    token: str | None = None
+    mission: str | None = None
+    """None: one is made, and started."""
+    preset: str = "best"
+    settings: dict[str, str] = field(default_factory=dict)
+    seed: int = 0
+    topics: TopicOptions | None = None
+    speed: float = 1.0
+    every_frame: bool = False
+    with_poses: bool = True
+    range_m: float = 5.0
+    depth_format: str = "zstd"
+    give_up_after_s: float = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayRun:
+    """How it went."""
+
+    mission: str
+    outcome: Outcome
+    ending: str
+    n_frames: int
+    skipped: int
+    link: LinkFigures
+
+    @property
+    def sent_to_map_s(self) -> Delays:
+        return Delays.of(self.link.sent_to_map_s)
+
+
+def run_replay(options: ReplayOptions, say: Callable[[str], None]) -> ReplayRun:
+    """Send the whole recording, and wait until the mission has taken its end in.
+
+    Raises an `HgsError` for a recording that cannot be read or what the service refuses, and `OSError` where
+    the service does not answer at the beginning.
+    """
+    source = open_recording(options.source, options.topics)
+    playback = StreamPlayback(
+        source,
+        range_m=options.range_m,
+        speed=options.speed,
+        depth_format=options.depth_format,
+        with_poses=options.with_poses,
+    )
+    api = ServiceApi(options.server, options.token)
+    mission = options.mission
+    if mission is None:
+        mission = api.create_live_mission(
+            preset=options.preset, seed=options.seed, overrides=options.settings
+        )
+        api.start(mission)
+        say(f"mission {mission} is made and started")
+    clock = RobotClock(0.0)
+    camera = CarriedCamera(playback, clock, name=source.name, speed=options.speed, waits=options.every_frame)
+    client = RobotClient(
+        api.ingest_url(mission),
+        camera,
+        token=options.token,
+        clock=clock,
+        faults=_NO_FAULTS,
+        frame_faults=FrameFaults(_NO_FAULTS, np.random.default_rng(0)),
+        give_up_after_s=options.give_up_after_s,
+        mission_word=lambda: mission_word(api.mission(mission)),
+        say=say,
+    )
+    outcome = asyncio.run(until_over(client))
+    if camera.error is not None:
+        raise camera.error
+    return ReplayRun(
+        mission=mission,
+        outcome=outcome,
+        ending=client.ending,
+        n_frames=len(source),
+        skipped=camera.skipped,
+        link=client.figures,
+    )
