@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
+import msgspec
 import pytest
 from pydantic import BaseModel
 
+from app.robot.figures import RobotReport
 from hgs_core.evaluation.report import MissionReport
+from hgs_core.live.messages import (
+    CameraFacts,
+    DepthCameraFacts,
+    FromRobot,
+    LensFacts,
+    ScanPart,
+    ToRobot,
+)
 
 
 def documented_names(text: str) -> set[str]:
@@ -45,7 +56,15 @@ def test_every_key_of_the_report_is_documented_and_no_other(repository: Path) ->
 
 
 @pytest.mark.parametrize(
-    "document", ["README.md", "docs/extending.md", "docs/report.md", "docs/scenes.md", "docs/service.md"]
+    "document",
+    [
+        "README.md",
+        "docs/extending.md",
+        "docs/report.md",
+        "docs/robots.md",
+        "docs/scenes.md",
+        "docs/service.md",
+    ],
 )
 def test_local_links_lead_somewhere(repository: Path, document: str) -> None:
     path = repository / document
@@ -60,3 +79,18 @@ def test_readme_names_only_make_targets_that_exist(repository: Path) -> None:
     makefile = (repository / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
     assert set(re.findall(r"(?:`|^)make ([a-z-]+)", readme, re.MULTILINE)) <= targets
+
+
+def test_the_page_about_robots_has_every_message_and_every_figure(repository: Path) -> None:
+    text = (repository / "docs" / "robots.md").read_text(encoding="utf-8")
+    rows = {
+        name: set(re.findall(r"`(\w+)`", keys))
+        for name, keys in re.findall(r"^\| `(\w+)` \| ([^|]*`[^|]*)\|", text, re.M)
+    }
+    for message in (*get_args(FromRobot), *get_args(ToRobot)):
+        info = msgspec.inspect.type_info(message)
+        assert rows[info.tag] == {field.name for field in info.fields}, info.tag
+    parts = {"camera": CameraFacts, "depth_camera": DepthCameraFacts, "lens": LensFacts, "scan": ScanPart}
+    for name, part in parts.items():
+        assert rows[name] == {field.name for field in msgspec.inspect.type_info(part).fields}, name
+    assert set(RobotReport.model_fields) <= set(re.findall(r"`(\w+)`", text.split("### robot.json")[1]))

@@ -170,6 +170,12 @@ def path_of(command: FollowPath) -> Path:
     if any(len(position) != 2 for position in command.positions_m):
         raise RobotError("the path's positions must be pairs of numbers [m]")
     headings = command.headings_rad
+    if len(command.yaws_rad) != n or (headings is not None and len(headings) != n):
+        n_headings = "no" if headings is None else len(headings)
+        raise RobotError(
+            f"the path has {n} positions, {len(command.yaws_rad)} yaws and {n_headings} headings: one each, or "
+            "no headings at all"
+        )
     if not all(math.isfinite(value) for position in command.positions_m for value in position):
         raise RobotError("the path holds positions that are not finite")
     if not all(math.isfinite(yaw) for yaw in [*command.yaws_rad, *(headings or [])] if yaw is not None):

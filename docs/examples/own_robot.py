@@ -3,15 +3,16 @@
     python own_robot.py ws://127.0.0.1:8000/api/v1/ingest/MISSION [TOKEN]
 
 MISSION has the scene "live", and was started. Put your robot in the place of `room_robot.Robot`.
-Needs: pip install websockets msgspec numpy opencv-python-headless
+Needs: pip install websockets msgspec numpy pillow
 """
 
+import io
 import sys
 import time
 
-import cv2
 import msgspec
 import numpy as np
+from PIL import Image
 from room_robot import CAMERA, DRIVE, REGION_M, Robot
 from websockets.sync.client import connect
 
@@ -29,7 +30,6 @@ class Client:
         return {"time_s": time.monotonic(), "command": self.command, **self.robot.report()}
 
     def live(self) -> str:
-        """Until the mission is over; why it is."""
         hello = {"protocol": 1, "name": "my robot", "camera": CAMERA, "robot": DRIVE, "region_m": REGION_M}
         self.say("hello", **hello, report={"type": "report", **self.report()})
         lived_s = reported_s = framed_s = time.monotonic()
@@ -85,9 +85,10 @@ class Client:
 
     def send_frame(self, now_s: float) -> None:
         pose, colour, depth_m = self.robot.capture()
-        _, colour_png = cv2.imencode(".png", colour[..., ::-1])
-        _, depth_png = cv2.imencode(".png", (1000 * depth_m).astype(np.uint16))  # millimetres
-        images = {"colour": colour_png.tobytes(), "colour_format": "png", "depth": depth_png.tobytes()}
+        files = io.BytesIO(), io.BytesIO()
+        Image.fromarray(colour).save(files[0], "PNG")
+        Image.fromarray((1000 * depth_m).astype(np.uint16)).save(files[1], "PNG")  # millimetres
+        images = {"colour": files[0].getvalue(), "colour_format": "png", "depth": files[1].getvalue()}
         self.say("frame", sequence=self.sequence, time_s=now_s, pose=pose.ravel().tolist(), **images)
         self.sequence, self.credits = self.sequence + 1, self.credits - 1
 

@@ -97,7 +97,7 @@ def test_numbers_only_rise_and_stop_is_always_obeyed():
         (path(1, (0.3, 0), (1, 0)), r"begins 0\.30 m from the robot at \(0\.00, 0\.00\)"),
         (path(1, (0, 0), (math.inf, 0)), "positions that are not finite"),
         (path(1, (0, 0), (1, 0), yaws_rad=[None, math.nan]), "yaws or headings that are not finite"),
-        (path(1, (0, 0), (1, 0), yaws_rad=[None]), r"positions \(2, 2\) for 1 yaws"),
+        (path(1, (0, 0), (1, 0), yaws_rad=[None]), "2 positions, 1 yaws and no headings"),
         (path(1, (0, 0, 0), (1, 0, 0)), "pairs of numbers"),
         (LimitSpeed(now_s=100.0, command=1, max_speed_mps=-1.0), "no speed limit"),
         (LimitSpeed(now_s=100.0, command=1, max_speed_mps=math.nan), "no speed limit"),
