@@ -93,12 +93,6 @@ class Client:
         self.sequence, self.credits = self.sequence + 1, self.credits - 1
 
 
-def png(image: np.ndarray) -> bytes:
-    packed = io.BytesIO()
-    Image.fromarray(image).save(packed, "png")
-    return packed.getvalue()
-
-
 if __name__ == "__main__":
     url, *token = sys.argv[1:]
     headers = {"Authorization": f"Bearer {token[0]}"} if token else {}
