@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from hgs_core.errors import ConfigError
 from hgs_core.geometry.boxes import Box
+from hgs_core.localisation.given import GivenConfig
 from hgs_core.mapping.mapper import Mapper
 from hgs_core.mission.clock import clock_of
 from hgs_core.mission.commands import CommandSource
@@ -71,8 +73,14 @@ def build_mission(
     """Open the scene and put everything together. The only place that knows both maps and simulator.
 
     The region to explore is the scene's bounding box, as an operator would give it; the planner knows
-    nothing else of the scene. Raises `SceneError` when the scene cannot serve.
+    nothing else of the scene. Raises `SceneError` when the scene cannot serve, and `ConfigError` for a
+    localisation other than `given`: a simulated camera knows where it is.
     """
+    if not isinstance(config.localisation, GivenConfig):
+        raise ConfigError(
+            f"localisation.method = {config.localisation.method!r}: a simulated mission has the simulator's "
+            "poses; set it to given, or measure the method with `hgs bench localisation`"
+        )
     world_seeds, mapper_seed, planner_seed = np.random.SeedSequence(seed).spawn(3)
     scene = open_scene(
         scene_source, config.scene, radius_m=config.robot.radius_m, height_m=config.robot.height_m
