@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -11,6 +12,7 @@ from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
+from hgs_core.geometry.se3 import SE3
 
 BLOCK: Final = 256
 """Gaussians a block: culling tests a block's bounds before any Gaussian in it."""
@@ -149,6 +151,40 @@ class GaussianMap:
         self.size = int(np.count_nonzero(kept))
         self.version += 1
         self.refresh_blocks(0)
+
+    def move_with_keyframes(self, motions: Mapping[int, SE3]) -> int:
+        """Move the Gaussians of each keyframe rigidly by its motion in the world. Returns how many moved.
+
+        What is known of a centre and a normal turns with them: the optimiser's moments, and information as
+        the diagonal of the turned (diagonal) matrix. Those of no keyframe (-1) and of others stay.
+        """
+        if not motions:
+            return 0
+        keyframes = np.array(sorted(motions), dtype=np.int32)
+        anchors = self.anchor_keyframe[: self.size]
+        moved = np.isin(anchors, keyframes)
+        which = np.searchsorted(keyframes, anchors[moved])
+        rotation = np.array([motions[int(k)].rotation for k in keyframes])[which]
+        translation = np.array([motions[int(k)].translation for k in keyframes])[which]
+        for name in ("parameters", "adam_first_moment"):
+            rows = getattr(self, name)[: self.size]
+            centres = rows[moved, CENTRE].astype(np.float64)
+            turned = np.einsum("nij,nj->ni", rotation, centres)
+            rows[moved, CENTRE] = turned + translation if name == "parameters" else turned
+        for name in ("adam_second_moment", "information"):
+            rows = getattr(self, name)[: self.size]
+            rows[moved, CENTRE] = np.einsum("nij,nj->ni", rotation**2, rows[moved, CENTRE])
+        if self.normals.shape[1] > 0:
+            for name, turn in (
+                ("normals", rotation),
+                ("normal_first_moment", rotation),
+                ("normal_second_moment", rotation**2),
+            ):
+                rows = getattr(self, name)[: self.size]
+                rows[moved] = np.einsum("nij,nj->ni", turn, rows[moved])
+        self.version += 1
+        self.refresh_blocks()
+        return int(np.count_nonzero(moved))
 
     def refresh_blocks(self, first_block: int = 0) -> None:
         """Recompute `block_bounds` from block `first_block` on."""

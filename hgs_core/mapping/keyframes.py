@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -146,6 +147,13 @@ class KeyframeStore:
         self._timestamps_s.append(timestamp_s)
         self._index_pose(image.T_world_camera)
 
+    def correct(self, poses: Mapping[int, SE3]) -> None:
+        """Put keyframes at other poses (`T_world_camera`)."""
+        for index, pose in poses.items():
+            self._poses[index] = pose
+            self._world_to_camera[index] = _world_to_camera(pose)
+            self._positions_m[index] = pose.translation
+
     def load(self, index: int) -> TrainingImage:
         """The halved image of a keyframe, from the working files."""
         encoded = np.load(self._working / f"{index:06d}_depth.npy")
@@ -240,10 +248,13 @@ class KeyframeStore:
         return halved_camera(self._camera)
 
     def _index_pose(self, pose: SE3) -> None:
-        inverse = pose.inverse()
-        row = np.concatenate([inverse.rotation, inverse.translation[:, None]], axis=1)
-        self._world_to_camera = np.concatenate([self._world_to_camera, row[None]])
+        self._world_to_camera = np.concatenate([self._world_to_camera, _world_to_camera(pose)[None]])
         self._positions_m = np.concatenate([self._positions_m, pose.translation[None]])
+
+
+def _world_to_camera(pose: SE3) -> Float[ndarray, "3 4"]:
+    inverse = pose.inverse()
+    return np.concatenate([inverse.rotation, inverse.translation[:, None]], axis=1)
 
 
 def _share(given: Path, wanted: Path) -> None:

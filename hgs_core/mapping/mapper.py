@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,10 @@ from hgs_core.mapping.depth_filter import training_image
 from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframe_archive import KeyframeArchive
 from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
+from hgs_core.mapping.pose_correction import CorrectionReport, motions_of, rebuilt_voxels
 from hgs_core.mapping.redundancy import foretold_psnr, is_near, moved_and_turned, predicted_psnr
 from hgs_core.mapping.replay import Replay
+from hgs_core.mapping.scan_log import ScanLog
 from hgs_core.mapping.snapshot import MapSnapshot
 from hgs_core.native import kernels
 from hgs_core.sensing.frame import Frame, Scan
@@ -72,6 +74,7 @@ class Mapper:
         self.gaussians = GaussianMap(primitive=config.primitive)
         self.voxels = VoxelMap(voxel_config, region=region)
         self.keyframes = KeyframeStore(keyframe_folder, range_m=camera_range_m)
+        self._scans = ScanLog()
         self._camera_range_m = camera_range_m
         self._scanner_range_m = scanner_range_m
         self._rng = rng
@@ -86,6 +89,8 @@ class Mapper:
 
     def integrate_scan(self, scan: Scan) -> None:
         self.voxels.integrate_scan(scan, range_m=self._scanner_range_m)
+        # Before the first keyframe there is none yet: it will be the next frame.
+        self._scans.add(scan, anchor_keyframe=max(len(self.keyframes) - 1, 0))
         self._timestamp_s = scan.timestamp_s
 
     def integrate(self, frame: Frame, *, may_thin: bool = False) -> IntegrationReport:
@@ -162,6 +167,38 @@ class Mapper:
         self.gaussians.refresh_blocks()
         return 0
 
+    def correct_poses(self, corrected: Mapping[int, SE3]) -> CorrectionReport:
+        """Put keyframes at other poses (`T_world_camera` by index), as a loop closure or a better
+        localisation finds them. Gaussians, scans and the frames since move rigidly with their keyframes;
+        voxels are built anew. To be called between two frames.
+
+        Raises `MapError` for a keyframe that there is not, and for a map that another run began.
+        """
+        motions = motions_of(corrected, self.keyframes)
+        observed_before = self.voxels.n_observed
+        moved = self.gaussians.move_with_keyframes(motions)
+        self.keyframes.correct(corrected)
+        self._scans.move(motions)
+        newest = motions.get(len(self.keyframes) - 1)
+        if newest is not None and self._learnt_pose is not None:
+            self._learnt_pose = newest @ self._learnt_pose
+        if newest is not None and self._newest is not None:
+            self._newest = replace(self._newest, T_world_camera=newest @ self._newest.T_world_camera)
+        self.voxels = rebuilt_voxels(
+            self.voxels,
+            self.keyframes,
+            self._scans,
+            camera_range_m=self._camera_range_m,
+            scanner_range_m=self._scanner_range_m,
+        )
+        self._recount()
+        return CorrectionReport(
+            keyframes=len(motions),
+            gaussians=moved,
+            observed_before=observed_before,
+            observed_after=self.voxels.n_observed,
+        )
+
     def begin_with(
         self, gaussians: GaussianMap, voxels: VoxelMap, keyframes: KeyframeArchive, *, seen_from: SE3
     ) -> None:
@@ -188,9 +225,7 @@ class Mapper:
                 depth=depth,
                 timestamp_s=float(keyframes.timestamps_s[index]) - last_s - 1.0,
             )
-        self._density.recount(
-            gaussians.parameters[:size], voxels, min_logit_opacity=_logit(self.config.prune_opacity)
-        )
+        self._recount()
 
     def state(self) -> dict[str, Any]:
         """Everything that later frames depend on; to be taken between two frames, after `optimise`."""
@@ -198,6 +233,7 @@ class Mapper:
             "gaussians": self.gaussians.state(),
             "voxels": self.voxels.state(),
             "keyframes": self.keyframes.state(),
+            "scans": self._scans.state(),
             "density": self._density.state(),
             "steps": self._steps.state(),
             "learnt_pose": None if self._learnt_pose is None else self._learnt_pose.as_matrix(),
@@ -210,6 +246,7 @@ class Mapper:
         self.gaussians = GaussianMap.restore(state["gaussians"])
         self.voxels = VoxelMap.restore(state["voxels"])
         self.keyframes = KeyframeStore.restore(keyframe_folder, state["keyframes"])
+        self._scans = ScanLog.restore(state["scans"])
         self._density.restore(state["density"])
         self._steps.restore(state["steps"])
         learnt = state["learnt_pose"]
@@ -234,11 +271,7 @@ class Mapper:
         self._n_frames += 1
         if self._n_frames % self.config.prune_interval == 0:
             self.prune(compact_share=_COMPACT_SHARE)
-            self._density.recount(
-                self.gaussians.parameters[: self.gaussians.size],
-                self.voxels,
-                min_logit_opacity=_logit(self.config.prune_opacity),
-            )
+            self._recount()
         return IntegrationReport(
             inserted=inserted, retired=retired, keyframe=is_keyframe, thinned=False, psnr_predicted_db=psnr
         )
@@ -299,6 +332,14 @@ class Mapper:
         if used > 0.95:
             return 4
         return 2 if used > 0.85 else 1
+
+    def _recount(self) -> None:
+        """Count the Gaussians of each voxel anew."""
+        self._density.recount(
+            self.gaussians.parameters[: self.gaussians.size],
+            self.voxels,
+            min_logit_opacity=_logit(self.config.prune_opacity),
+        )
 
     def _is_keyframe(self, pose: SE3) -> bool:
         last = self.keyframes.last_pose

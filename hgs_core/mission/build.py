@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from hgs_core.errors import ConfigError
 from hgs_core.geometry.boxes import Box
 from hgs_core.live.world import LiveWorld
+from hgs_core.localisation.given import GivenConfig
 from hgs_core.mapping.mapper import Mapper
 from hgs_core.mission.clock import Clock, clock_of
 from hgs_core.mission.commands import CommandSource
@@ -89,8 +91,14 @@ def build_mission(
     knows both maps and simulator.
 
     The region to explore is the scene's bounding box, as an operator would give it; the planner knows
-    nothing else of the scene. Raises `SceneError` when the scene cannot serve.
+    nothing else of the scene. Raises `SceneError` when the scene cannot serve, and `ConfigError` for a
+    localisation other than `given`: a simulated camera knows where it is.
     """
+    if live is None and not isinstance(config.localisation, GivenConfig):
+        raise ConfigError(
+            f"localisation.method = {config.localisation.method!r}: a simulated mission has the simulator's "
+            "poses; set it to given, or measure the method with `hgs bench localisation`"
+        )
     world_seeds, mapper_seed, planner_seed = np.random.SeedSequence(seed).spawn(3)
     far_side = _simulated(config, scene_source, world_seeds) if live is None else _lived(live, config)
     scene, world, region, clock = far_side.scene, far_side.world, far_side.region, far_side.clock

@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, Final
 from hgs_core.errors import CheckpointError
 from hgs_core.mission.state_file import StateWriter, read_part, read_state
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Raised whenever a state of before cannot be gone on from any more."""
 _SEALS: Final = "files.json"
 _KEPT: Final = 2

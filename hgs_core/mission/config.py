@@ -13,6 +13,9 @@ from hgs_core.config.base import StrictConfig
 from hgs_core.config.presets import load_preset, preset_names
 from hgs_core.errors import ConfigError, Fault
 from hgs_core.live.config import LiveConfig
+from hgs_core.localisation.given import GivenConfig
+from hgs_core.localisation.localiser import LocalisationConfig
+from hgs_core.localisation.methods import localisation_config
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mapping.refinement import RefinementConfig
 from hgs_core.mapping.volume_fusion import MeshConfig
@@ -73,6 +76,8 @@ class MissionConfig(StrictConfig):
     limits: MissionLimits = MissionLimits()
     directives: Directives = Directives()
     """What the operator asks of the mission from its beginning; they may ask for something else later."""
+    localisation: SerializeAsAny[LocalisationConfig] = GivenConfig()
+    """Where the camera is, on a live robot or in a recording; simulated missions know it (`given`)."""
     clock: ClockKind = ClockKind.LOCKSTEP
     """`lockstep`: mission time is counted, and the same seed gives the same mission; `real`: it is wall time,
     the simulator's excepted, and mapper and planner must keep up."""
@@ -125,6 +130,11 @@ def _mission_config_from(content: dict[str, Any], *, source: str) -> MissionConf
             content["planner"] = _plugin_config(planner_config, planner, source, "planner")
         if isinstance(robot, dict):
             content["robot"] = _plugin_config(robot_config, robot, source, "robot")
+        if isinstance(content.get("localisation"), dict):
+            localisation = content["localisation"]
+            content["localisation"] = _plugin_config(
+                localisation_config, localisation, source, "localisation"
+            )
         if isinstance(sensor, dict) and isinstance(sensor.get("camera"), dict):
             camera = _plugin_config(sensor_config, sensor["camera"], source, "sensor", "camera")
             content["sensor"] = {**sensor, "camera": camera}

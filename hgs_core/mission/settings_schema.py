@@ -12,14 +12,16 @@ from hgs_core.planning.registry import planner_methods
 
 
 def settings_schema(config: MissionConfig) -> dict[str, Any]:
-    """JSON Schema (2020-12) of the settings that `config` has: those of its own planner, sensor and robot;
-    the former two may come from another package."""
+    """JSON Schema (2020-12) of the settings that `config` has: those of its own planner, sensor, robot
+    and localisation; the former two may come from another package."""
     camera, planner, robot = config.sensor.camera, config.planner, config.robot
+    localisation = config.localisation
     sensor: Any = create_model("Sensor", __base__=SensorConfig, camera=(type(camera), camera))
     # `create_model` has no overload for fields from a mapping of computed types.
     fields: dict[str, Any] = {
         "planner": (type(planner), planner),
         "robot": (type(robot), robot),
+        "localisation": (type(localisation), localisation),
         "sensor": (sensor, sensor()),
     }
     described = create_model("MissionSettings", __base__=MissionConfig, **fields)

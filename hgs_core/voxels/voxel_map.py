@@ -98,10 +98,14 @@ class VoxelMap:
             upper = np.ceil(region.upper_m / config.size_m - 1e-6).astype(np.int64)
             self._allocate(lower, np.maximum(upper, lower + 1))
 
-    def integrate_frame(self, frame: Frame, *, range_m: float) -> None:
+    def integrate_frame(self, frame: Frame, *, range_m: float, pixel_stride: int | None = None) -> None:
         """Rays to measured depth carve free space and mark their ends; +inf carves to `range_m` (z-depth);
-        0 does nothing. Each voxel is updated at most once a frame; a hit beats a pass."""
-        self._integrate(frame_rays(frame, range_m=range_m, pixel_stride=self.config.pixel_stride))
+        0 does nothing. Each voxel is updated at most once a frame; a hit beats a pass.
+
+        `pixel_stride`: instead of the settings', for images of another size than theirs.
+        """
+        stride = self.config.pixel_stride if pixel_stride is None else pixel_stride
+        self._integrate(frame_rays(frame, range_m=range_m, pixel_stride=stride))
         camera = frame.intrinsics
         changed = self._no_chunks()
         kernels.count_attempts(
@@ -116,7 +120,7 @@ class VoxelMap:
             np.ascontiguousarray(frame.depth_m),
             range_m,
             self.config.size_m,
-            float(self.config.pixel_stride),
+            float(stride),
             changed,
         )
         self.version += 1
@@ -126,6 +130,15 @@ class VoxelMap:
         """As `integrate_frame`, for the rays of a planar scan (`range_m` along the ray; no looks in vain)."""
         self._integrate(scan_rays(scan, range_m=range_m))
         self.version += 1
+
+    def begun_anew(self) -> VoxelMap:
+        """A map of the same settings and region in which nothing has been observed, and whose versions come
+        after this one's. Looks in vain are forgotten."""
+        anew = copy.copy(self)
+        lower, shape = self.origin_index.copy(), np.array(self.states.shape)
+        anew._allocate(lower, lower + shape)
+        anew.note_change()
+        return anew
 
     def note_change(self) -> None:
         """To be called by whoever wrote to the arrays: anything may have changed."""

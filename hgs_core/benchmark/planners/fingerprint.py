@@ -30,7 +30,7 @@ class Fingerprint(StrictConfig):
     scene: str
     """Digest of the scene's geometry, looks and start, as missions see them."""
     settings: dict[str, Any]
-    """The mission's resolved settings."""
+    """The mission's resolved settings, but for those of localisation: simulated missions know their poses."""
     versions: dict[str, str]
     kernel_variant: str
 
@@ -39,7 +39,7 @@ class Fingerprint(StrictConfig):
         """Of a mission that this installation would run."""
         return Fingerprint(
             scene=scene_digest,
-            settings=config.model_dump(mode="json", exclude={"description"}),
+            settings=config.model_dump(mode="json", exclude={"description", "localisation"}),
             versions=software_versions(),
             kernel_variant=kernels.variant(),
         )
