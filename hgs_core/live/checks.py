@@ -15,6 +15,7 @@ from hgs_core.live.messages import (
     Ack,
     Bye,
     CameraFacts,
+    Cloud,
     DepthCameraFacts,
     Frame,
     FromRobot,
@@ -27,6 +28,7 @@ from hgs_core.robot.vehicle import robot_config
 
 MAX_PIXELS: Final = 4_000_000
 MAX_RAYS: Final = 20_000
+MAX_POINTS: Final = 250_000
 MAX_TEXT: Final = 300
 MAX_REGION_M: Final = 200.0
 
@@ -36,36 +38,41 @@ class MessageChecks:
 
     def __init__(self) -> None:
         self._hello: Hello | None = None
-        self._sequence = -1
-        self._time_s = -math.inf
+        self._newest: dict[type, tuple[int, float]] = {}
+        """Number and time of the newest frame and cloud."""
 
     def admit(self, message: FromRobot) -> None:
         """Raises `StreamError` for a message that is not to be passed on; it counts as not sent."""
         if isinstance(message, Hello):
             check_hello(message)
-            self._hello, self._sequence, self._time_s = message, -1, -math.inf
+            self._hello = message
+            self._newest.clear()
         elif self._hello is None:
             raise StreamError("the first message must be a hello")
         elif isinstance(message, Frame):
             check_frame(message, self._hello)
-            self._check_order(message)
+            self._check_order(message, "frame")
+        elif isinstance(message, Cloud):
+            _check_cloud(message)
+            self._check_order(message, "cloud")
         elif isinstance(message, Report):
             check_report(message)
         elif isinstance(message, Ack | Bye):
             _check_text(message.reason, "reason")
 
-    def _check_order(self, frame: Frame) -> None:
-        if frame.sequence <= self._sequence:
+    def _check_order(self, message: Frame | Cloud, what: str) -> None:
+        sequence, time_s = self._newest.get(type(message), (-1, -math.inf))
+        if message.sequence <= sequence:
             raise StreamError(
-                f"frame {frame.sequence} comes after frame {self._sequence}: numbers must rise, "
-                "and an older frame is of no use"
+                f"{what} {message.sequence} comes after {what} {sequence}: numbers must rise, and an older "
+                "one is of no use"
             )
-        if frame.time_s <= self._time_s:
+        if message.time_s <= time_s:
             raise StreamError(
-                f"frame {frame.sequence} was taken at {frame.time_s} s, the one before at {self._time_s} s: "
+                f"{what} {message.sequence} was taken at {message.time_s} s, the one before at {time_s} s: "
                 "say hello again if the clock was set"
             )
-        self._sequence, self._time_s = frame.sequence, frame.time_s
+        self._newest[type(message)] = (message.sequence, message.time_s)
 
 
 def check_hello(hello: Hello) -> None:
@@ -142,6 +149,16 @@ def _check_scan(scan: ScanPart, where: str) -> None:
     ranges = np.frombuffer(scan.ranges_m, "<f4")
     if not bool(np.all(ranges >= 0)):  # false for NaN, too
         raise StreamError(f"{where}: a scan's ranges must be 0 or more")
+
+
+def _check_cloud(cloud: Cloud) -> None:
+    where = f"cloud {cloud.sequence}"
+    if not _finite([cloud.time_s]):
+        raise StreamError(f"{where}: time_s {cloud.time_s} must be finite")
+    if len(cloud.points_m) % 12 or len(cloud.points_m) > 12 * MAX_POINTS:
+        raise StreamError(f"{where}: at most {MAX_POINTS} points of 12 bytes each")
+    if not bool(np.isfinite(np.frombuffer(cloud.points_m, "<f4")).all()):
+        raise StreamError(f"{where}: its points must be finite; leave out rays without a return")
 
 
 def _check_region(region_m: list[list[float]]) -> None:

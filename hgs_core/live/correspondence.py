@@ -7,12 +7,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 
 from hgs_core.errors import StreamError
+from hgs_core.geometry.camera import level_camera_pose
+from hgs_core.geometry.se3 import SE3
 from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.checks import MessageChecks
 from hgs_core.live.config import LiveConfig
@@ -23,6 +25,7 @@ from hgs_core.live.messages import (
     Ack,
     Answer,
     Bye,
+    Cloud,
     Frame,
     FromRobot,
     Heartbeat,
@@ -35,7 +38,9 @@ from hgs_core.live.messages import (
     from_robot,
 )
 from hgs_core.live.poses import pose_of
+from hgs_core.localisation.localiser import Localiser, Lost
 from hgs_core.sensing import frame as sensing
+from hgs_core.sensing.point_scan import PointScan
 from hgs_core.sensing.raw_frame import RawFrame
 from hgs_core.sensing.rectifier import Rectifier
 
@@ -72,10 +77,12 @@ class Correspondence:
         link: Link,
         config: LiveConfig,
         *,
+        localiser_from: Callable[[SE3], Localiser],
         notice: Callable[[float, str], None] = lambda _t, _m: None,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`notice` is told, with mission time, what an operator should know; from any thread."""
+        """`localiser_from` makes a localiser that begins at a camera's pose. `notice` is told, with mission
+        time, what an operator should know; from any thread."""
         self._link = link
         self._config = config
         self._notice = notice
@@ -85,6 +92,10 @@ class Correspondence:
         self._hello: Hello | None = None
         self._cameras: RobotCameras | None = None
         self._rectifier = Rectifier()
+        self._localiser_from = localiser_from
+        self._localiser: Localiser | None = None
+        self._located: SE3 | None = None
+        """Where the newest frame was taken that was located."""
         self._reports: deque[Report] = deque(maxlen=_REPORTS_KEPT)
         self._frame: LiveFrame | None = None
         self._n_dropped = 0
@@ -256,6 +267,8 @@ class Correspondence:
             self._take_hello(message)
         elif isinstance(message, Frame):
             self._take_in(message)
+        elif isinstance(message, Cloud):
+            self._take_cloud(message)
         elif isinstance(message, Report):
             with self._changed:
                 self._reports.append(message)
@@ -278,6 +291,7 @@ class Correspondence:
         with self._changed:
             self._hello, self._frame = hello, None
             self._cameras = RobotCameras.of(hello)
+            self._localiser = self._localiser_from(self._located or _camera_of(hello))
             self._reports.clear()
             if hello.report is not None:
                 self._reports.append(hello.report)
@@ -314,13 +328,12 @@ class Correspondence:
             self.answer(overtaken.sequence, "dropped")
 
     def _unpacked(self, frame: Frame, cameras: RobotCameras) -> LiveFrame:
-        if frame.pose is None:
-            raise StreamError(f"frame {frame.sequence} has no pose: this mission does not find it by itself")
+        assert self._localiser is not None
         with self._changed:
             time_s = self._time_s(self._now())
             report = next((r for r in reversed(self._reports) if r.time_s <= frame.time_s), None)
         scan = None
-        if frame.scan is not None:
+        if frame.scan is not None and frame.pose is not None:
             ranges = np.frombuffer(frame.scan.ranges_m, "<f4").astype(np.float32)
             scan = sensing.Scan(
                 origin_m=np.array(frame.scan.origin_m, dtype=np.float64),
@@ -328,19 +341,31 @@ class Correspondence:
                 ranges_m=ranges,
                 timestamp_s=time_s,
             )
-        pose = pose_of(frame.pose, f"frame {frame.sequence}")
+        given = None if frame.pose is None else pose_of(frame.pose, f"frame {frame.sequence}")
         raw = RawFrame(
             rgb=decoded_colour(frame, cameras.colour.intrinsics),
             depth_m=decoded_depth(frame, cameras.depth.intrinsics),
             colour_camera=cameras.colour,
             depth_camera=cameras.depth,
             T_colour_depth=cameras.T_colour_depth,
-            T_world_camera=pose,
-            timestamp_s=time_s,
+            T_world_camera=given,
+            timestamp_s=frame.time_s,
             sequence=frame.sequence,
         )
-        seen = self._rectifier.rectify(raw).at(pose)
+        aligned = self._rectifier.rectify(raw)
+        found = self._localiser.locate(aligned)
+        if isinstance(found, Lost):
+            raise StreamError(found.reason)
+        self._located = found.T_world_camera
+        seen = replace(aligned, timestamp_s=time_s).at(found.T_world_camera)
         return LiveFrame(frame=seen, scan=scan, report=report, sequence=frame.sequence)
+
+    def _take_cloud(self, cloud: Cloud) -> None:
+        assert self._localiser is not None
+        points = np.frombuffer(cloud.points_m, "<f4").reshape(-1, 3).astype(np.float32)
+        self._localiser.take_scan(
+            PointScan(points_m=points, T_world_lidar=None, timestamp_s=cloud.time_s, sequence=cloud.sequence)
+        )
 
     def _beat(self) -> None:
         while not self._closing.wait(_BEAT_S):
@@ -349,6 +374,14 @@ class Correspondence:
 
     def state(self) -> dict[str, Any]:
         return {"time_s": self.time_s}
+
+
+def _camera_of(hello: Hello) -> SE3:
+    """Where its camera is, as far as it says: above the robot, or else above the origin, looking along x."""
+    report, height_m = hello.report, hello.camera.mount_height_m
+    if report is None:
+        return level_camera_pose(0.0, 0.0, height_m, 0.0)
+    return level_camera_pose(report.x_m, report.y_m, height_m, report.yaw_rad)
 
 
 def _carries(hello: Hello) -> tuple[object, ...]:

@@ -122,7 +122,8 @@ class Frame(_Message, frozen=True, tag="frame"):
     time_s: float
     """When it was taken; rises, too."""
     pose: list[float] | None
-    """`T_world_camera`, 16 numbers row by row; camera axes x right, y down, z forward."""
+    """`T_world_camera`, 16 numbers row by row; camera axes x right, y down, z forward. None where the mission
+    is to find it (`localisation`)."""
     colour: bytes
     depth: bytes
     colour_format: Literal["jpeg", "png"] = "jpeg"
@@ -131,6 +132,16 @@ class Frame(_Message, frozen=True, tag="frame"):
     depth_scale: float = 1000.0
     """Units of the depth image a metre. 0 means no return, 65535 nothing within range."""
     scan: ScanPart | None = None
+
+
+class Cloud(_Message, frozen=True, tag="cloud"):
+    """One turn of a lidar, for missions that find their poses by it; it costs no credit and has no answer."""
+
+    sequence: int
+    """Rises, as a frame's."""
+    time_s: float
+    points_m: bytes
+    """float32, little-endian: x, y, z of every return, in the lidar's frame (x forward, y left, z up)."""
 
 
 class Ack(_Message, frozen=True, tag="ack"):
@@ -217,7 +228,7 @@ class End(_Message, frozen=True, tag="end"):
     reason: str
 
 
-FromRobot = Hello | Frame | Report | Ack | Bye
+FromRobot = Hello | Frame | Cloud | Report | Ack | Bye
 ToRobot = Welcome | Heartbeat | Answer | FollowPath | Stop | LimitSpeed | Refusal | End
 
 _ENCODER: Final = msgspec.msgpack.Encoder()

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from hgs_core.errors import CheckpointError, RobotError
+from hgs_core.errors import CheckpointError, ConfigError, RobotError
 from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.correspondence import Correspondence
 from hgs_core.live.link import Link
 from hgs_core.live.messages import Hello
 from hgs_core.live.world import LiveWorld
+from hgs_core.localisation.given import GivenConfig
+from hgs_core.localisation.methods import build_localiser
 from hgs_core.mission.clock import ClockKind
 from hgs_core.mission.commands import Command, CommandSource, Order, PromptCommands
 from hgs_core.mission.config import MissionConfig
@@ -60,7 +62,12 @@ def meet_robot(
     when the mission is stopped before, `Suspended` when it is suspended, and `CheckpointError` for another
     robot.
     """
-    correspondence = Correspondence(link, config.live, notice=notice)
+    correspondence = Correspondence(
+        link,
+        config.live,
+        localiser_from=lambda start: build_localiser(config.localisation, start=start),
+        notice=notice,
+    )
     correspondence.begin()
     try:
         return _met(correspondence, config, known=known, orders=orders, say=say)
@@ -91,6 +98,11 @@ def _met(
     wait_for(
         lambda: correspondence.has_frame or correspondence.over is not None, f"a frame from {hello.name}"
     )
+    if hello.robot is not None and not isinstance(config.localisation, GivenConfig):
+        raise ConfigError(
+            f"localisation.method = {config.localisation.method!r} is for cameras that are carried: a robot "
+            "that drives knows where it is; set it to given"
+        )
     theirs = with_robot(config, hello)
     if known and (theirs.sensor, theirs.robot) != (config.sensor, config.robot):
         raise CheckpointError(

@@ -11,6 +11,7 @@ from hgs_core.live.images import encoded_depth
 from hgs_core.live.messages import (
     Ack,
     Answer,
+    Cloud,
     DepthCameraFacts,
     FollowPath,
     Heartbeat,
@@ -24,8 +25,11 @@ from hgs_core.live.messages import (
     encoded,
     to_robot,
 )
-from hgs_core.live.robot import LiveRobot
 from hgs_core.live.world import LiveWorld
+from hgs_core.localisation.given import GivenConfig
+from hgs_core.localisation.lidar_odometry import LidarOdometryConfig
+from hgs_core.localisation.localiser import LocalisationConfig
+from hgs_core.localisation.methods import build_localiser
 from hgs_core.mission.live import with_robot
 from hgs_core.robot.differential import Differential, DifferentialConfig
 from hgs_core.robot.path import Path
@@ -54,16 +58,19 @@ class Line:
 class Call:
     """A robot that has said hello, with everything in the test's hand."""
 
-    def __init__(self, hello: Hello = HELLO) -> None:
+    def __init__(self, hello: Hello = HELLO, localisation: LocalisationConfig = GivenConfig()) -> None:
         self.line = Line()
         self.now = 100.0
         self.notices: list[str] = []
         self.correspondence = Correspondence(
-            self.line, CONFIG, notice=lambda _, message: self.notices.append(message), now=lambda: self.now
+            self.line,
+            CONFIG,
+            localiser_from=lambda start: build_localiser(localisation, start=start),
+            notice=lambda _, message: self.notices.append(message),
+            now=lambda: self.now,
         )
         self.say(hello)
         self.world = LiveWorld(self.correspondence, hello, Differential(DifferentialConfig()), CONFIG)
-        assert isinstance(self.world.robot, LiveRobot)
         self.robot = self.world.robot
 
     def say(self, message) -> None:
@@ -235,3 +242,38 @@ def test_a_lens_is_undone_and_another_depth_camera_aligned(call: Call) -> None:
     assert set(np.unique(seen.depth_m)) <= {np.float32(0.0), np.float32(2.0)}
     assert (seen.depth_m == 2.0).mean() > 0.1
     assert with_robot(far_config(), hello).sensor.camera.intrinsics() == seen.intrinsics
+
+
+def test_a_pose_that_cannot_be_is_refused_and_said_so(call: Call) -> None:
+    """Ten metres within a tenth of a second; the next good frame is taken as if nothing had been."""
+    call.say(frame(sequence=1, time_s=1.0))
+    jumped = np.eye(4)
+    jumped[0, 3] = 10.0
+    call.say(frame(sequence=2, time_s=1.1, pose=jumped.reshape(-1).tolist()))
+    call.say(frame(sequence=3, time_s=1.2))
+    refused = [answer for answer in call.told(Answer) if answer.fate == "refused"]
+    assert [answer.sequence for answer in refused] == [2]
+    assert "at most" in refused[0].reason
+    call.world.scan()
+    assert call.world.capture().sequence == 3
+    call.say(changed(HELLO, report=changed(REPORT, x_m=10.0)))  # it was carried, and says so
+    call.say(frame(sequence=1, time_s=1.3, pose=jumped.reshape(-1).tolist()))
+    call.world.scan()
+    assert call.world.capture().T_world_camera.translation[0] == 10.0
+
+
+def test_a_lidar_tells_where_frames_were_taken() -> None:
+    """Clouds of a room, seen from places 0.1 m apart; the frames have no poses."""
+    hello = changed(HELLO, robot=None, report=None)
+    call = Call(hello, LidarOdometryConfig(voxel_size_m=0.1))
+    rng = np.random.default_rng(0)
+    room = rng.uniform([-3, -2, -1], [3, 2, 1], (12_000, 3))
+    wall = rng.integers(0, 3, len(room))
+    room[np.arange(len(room)), wall] = np.sign(room[np.arange(len(room)), wall]) * np.array([3, 2, 1])[wall]
+    for k in range(5):
+        points = (room - [0.1 * k, 0.0, 0.0]).astype("<f4")
+        call.say(Cloud(sequence=k, time_s=0.1 * k, points_m=points.tobytes()))
+        call.say(frame(sequence=k, time_s=0.1 * k + 0.001, pose=None))
+    call.world.scan()
+    moved = call.world.capture().T_world_camera.translation
+    np.testing.assert_allclose(moved, [0.4, 0.0, hello.camera.mount_height_m], atol=0.03)
