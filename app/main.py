@@ -22,6 +22,7 @@ from app.api import (
     ingest,
     missions,
     moments,
+    plans,
     results,
     scenes,
     session,
@@ -123,7 +124,19 @@ def create_app(settings: Settings, *, runner: str = DEFAULT_RUNNER) -> FastAPI:
     install_error_handlers(app)
     install_openapi(app)
     api = APIRouter(prefix=API_PREFIX)
-    for module in (session, scenes, missions, ingest, events, images, moments, results, bundle, system):
+    for module in (
+        session,
+        scenes,
+        missions,
+        plans,
+        ingest,
+        events,
+        images,
+        moments,
+        results,
+        bundle,
+        system,
+    ):
         api.include_router(module.router)
     app.include_router(api)
     app.include_router(system.health_router)

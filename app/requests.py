@@ -64,6 +64,8 @@ class Requests:
         principal = principal_of(scope)
         failed = answer.status is None or answer.status >= 500
         level = logging.ERROR if failed else logging.INFO if method not in SAFE_METHODS else logging.DEBUG
+        if not log.isEnabledFor(level):
+            return
         log.log(
             level,
             "%s %s: %s",

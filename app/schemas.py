@@ -159,8 +159,8 @@ class MissionDetail(MissionSummary):
     """What is asked of the mission; a mission that runs takes it at its next step."""
     approval: ApprovalRequest | None
     """The view that waits for the operator's word, if one does."""
-    plan: dict[str, Any] | None
-    """The newest `plan` event, candidates included."""
+    newest_plan: int | None
+    """Number of the newest `plan` event, which `getPlan` gives; none before the first."""
     time_limit_s: float | None
     """Mission time at which it ends although there is more to see [s]: as ordered, or else the preset's; none
     for a mission of an earlier version whose settings are not known any more."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import AsyncGenerator, AsyncIterator, Callable
+from collections.abc import AsyncGenerator, AsyncIterator
 from typing import Annotated, Any
 
 import anyio
 from fastapi import APIRouter, Header, Query, WebSocket, WebSocketDisconnect, status
 from fastapi.responses import StreamingResponse
-from fastapi.sse import format_sse_event
 from starlette.concurrency import run_in_threadpool
 
 from app.deps import (
@@ -22,6 +21,7 @@ from app.deps import (
     StreamsDep,
 )
 from app.errors import NotFound
+from app.event_texts import EventTexts
 from app.metrics import Metrics
 from app.openapi import problems
 from app.schemas import EventPage
@@ -82,24 +82,19 @@ async def stream_server_sent_events(
     events = streams.follow(mission, cursor, allowed=lambda: rules.holds(principal))
     # Not FastAPI's own EventSourceResponse: its queues raise when a reader leaves.
     return StreamingResponse(
-        _encoded(events, metrics, lambda event: streams.text(mission.id, event)),
+        _encoded(events, metrics, mission.id, streams.texts),
         media_type="text/event-stream",
         headers={"X-Accel-Buffering": "no"},
     )
 
 
 async def _encoded(
-    events: AsyncGenerator[dict[str, Any]], metrics: Metrics, text: Callable[[dict[str, Any]], str]
+    events: AsyncGenerator[dict[str, Any]], metrics: Metrics, mission_id: str, texts: EventTexts
 ) -> AsyncIterator[bytes]:
     async with contextlib.aclosing(events):
         with metrics.subscriber("sse"):
             async for event in events:
-                number = event.get("sequence")
-                yield format_sse_event(
-                    data_str=text(event),
-                    id=str(number) if number is not None else None,
-                    event="alive" if number is None else None,
-                )
+                yield texts.of(mission_id, event).server_sent
 
 
 @router.websocket("/{mission_id}/events")
@@ -138,7 +133,7 @@ async def stream_events(
             events = streams.follow(mission, int(wish), allowed=lambda: rules.holds(principal))
             async with contextlib.aclosing(events):
                 async for event in events:
-                    await websocket.send_text(streams.text(mission.id, event))
+                    await websocket.send_text(streams.texts.of(mission.id, event).text)
             code = status.WS_1012_SERVICE_RESTART if streams.ended else 4401
             await websocket.close(code=code, reason="the service ends" if streams.ended else "log in again")
         group.cancel_scope.cancel()

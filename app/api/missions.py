@@ -18,6 +18,7 @@ from app.deps import (
     ServiceDep,
     SettingsDep,
     StopThreadsDep,
+    look_at,
 )
 from app.missions.mission import Mission
 from app.missions.service import Idempotency
@@ -126,9 +127,12 @@ def create_mission(
     return detail(mission)
 
 
-@router.get("/{mission_id}", operation_id="getMission", responses=problems(404))
-def get_mission(mission: MissionDep) -> MissionDetail:
-    return detail(mission)
+@router.get("/{mission_id}", operation_id="getMission", response_model=MissionDetail, responses=problems(404))
+async def get_mission(mission: MissionDep) -> Response:
+    """State, reason and newest figures. Quick to give, and small: asked for again and again."""
+    seen = await look_at(mission, detail)
+    # Written here: what comes from a model needs no second validation.
+    return Response(seen.model_dump_json(), media_type="application/json")
 
 
 @router.post(

@@ -17,15 +17,15 @@ def summary(mission: Mission) -> MissionSummary:
 
 
 def detail(mission: Mission) -> MissionDetail:
-    newest = mission.log.newest("telemetry")
+    newest, plan = mission.log.newest("telemetry"), mission.log.newest("plan")
     return MissionDetail(
         **_common(mission),
         figures=figures(newest),
         directives=mission.directives,
         approval=_approval(mission.approval),
-        plan=mission.log.newest("plan"),
+        newest_plan=plan["sequence"] if plan is not None else None,
         time_limit_s=mission.record.max_time_s
-        or time_limit_s(mission.record.preset_source, mission.record.overrides),
+        or time_limit_s(mission.record.preset_source, without_directives(mission.record.overrides)),
         view_sequence=mission.views.sequence,
         last_sequence=mission.log.last_sequence,
     )

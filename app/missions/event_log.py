@@ -41,7 +41,10 @@ class EventLog:
         self._others: deque[Event] = deque(maxlen=OTHERS_KEPT)
         self._complete_after = self._last
         """Every event above this number that is not telemetry is in `_others`."""
-        self._newest: dict[str, Event] = {}
+        self._newest: dict[str, Event | None] = {}
+        """Of each kind that was told here or asked for; None = the database has none."""
+        self._told_nothing = self._last == 0
+        """Nothing was told before this log was opened: what is not in memory does not exist."""
         self._unsaved: list[Event] = []
         self._unsaved_record: MissionRecord | None = None
         self._wakers: set[Callable[[], None]] = set()
@@ -55,8 +58,14 @@ class EventLog:
         """Events that the database has not taken yet."""
         return len(self._unsaved)
 
-    def append(self, event: Event, record: MissionRecord | None = None) -> Event:
-        """Number `event`, save it (and `record`, in the same transaction), and wake the readers.
+    def append(
+        self,
+        event: Event,
+        record: MissionRecord | None = None,
+        *,
+        saved: Callable[[], None] = lambda: None,
+    ) -> Event:
+        """Number `event`, save it (and `record`, in the same transaction), call `saved`, wake the readers.
 
         Returns it with its `sequence`. A database that cannot be written holds no robot up: the event is told
         all the same and saved with the next one that can be.
@@ -66,6 +75,7 @@ class EventLog:
             self._unsaved.append(numbered)
             self._unsaved_record = record if record is not None else self._unsaved_record
             self._save()
+            saved()
             with self._lock:
                 self._remember(numbered)
                 wakers = tuple(self._wakers)
@@ -138,12 +148,16 @@ class EventLog:
             return found + [event for event in self._unsaved if event.get("time_s", -1.0) >= time_s]
 
     def newest(self, kind: str) -> Event | None:
-        with self._lock:
-            known = self._newest.get(kind)
-        if known is not None:
-            return known
+        """Waits for the database once at most, where an earlier service may have told it: see `knows`."""
+        if self.knows(kind):
+            return self._newest.get(kind)
         found = self._store.events(self._mission_id, limit=1, kinds=[kind], newest=True)
-        return found[0] if found else None
+        with self._lock:  # what was told meanwhile is newer
+            return self._newest.setdefault(kind, found[0] if found else None)
+
+    def knows(self, kind: str) -> bool:
+        """Whether `newest` of that kind is in memory."""
+        return self._told_nothing or kind in self._newest
 
     def add_waker(self, wake: Callable[[], None]) -> None:
         """Call `wake` after every append, from the appending thread, until `remove_waker`."""

@@ -42,7 +42,10 @@ _PHASE_STATES = {
 
 
 class Mission:
-    """Safe to use from any thread. Every change of state is saved together with the event that tells it."""
+    """Safe to use from any thread. Every change of state is saved together with the event that tells it.
+
+    What only looks waits for no lock: one is held while an event is saved.
+    """
 
     def __init__(
         self, record: MissionRecord, store: MissionStore, folder: Path, moments: MomentArchive
@@ -70,9 +73,8 @@ class Mission:
 
     @property
     def record(self) -> MissionRecord:
-        """What is known and saved; a change of state shows here only once it has been told, too."""
-        with self._lock:
-            return self._record
+        """What is known and saved; a change of state shows here before anybody is told of it."""
+        return self._record
 
     @property
     def id(self) -> str:
@@ -81,10 +83,18 @@ class Mission:
     @property
     def log(self) -> EventLog:
         """Its events."""
+        if self._log is not None:
+            return self._log
         with self._lock:
             if self._log is None:
                 self._log = EventLog(self._store, self.id)
             return self._log
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether what there is to say of it waits for no database."""
+        log = self._log
+        return log is not None and all(log.knows(kind) for kind in ("telemetry", "plan", "approval"))
 
     @property
     def state(self) -> MissionState:
@@ -192,7 +202,7 @@ class Mission:
                 self._supervisor.send(as_text(Direct(directives=directives)))
             else:
                 told = {"kind": "directives", "directives": directives.model_dump(mode="json")}
-                self.log.append({"received_at": time.time(), **told}, record)
+                self._append(told, record)
             self._record = record
 
     def _ask_again(self) -> None:
@@ -334,9 +344,7 @@ class Mission:
 
     def _note(self, message: str, **changes: Any) -> None:
         record = self._record.model_copy(update=changes)
-        told = {"received_at": time.time(), "kind": "notice", "level": "info", "message": message}
-        self.log.append(told, record)
-        self._record = record
+        self._append({"kind": "notice", "level": "info", "message": message}, record)
         if self.log.n_unsaved:
             raise StorageError(f"the database did not take what was noted of mission {self.id}")
 
@@ -402,10 +410,16 @@ class Mission:
 
     def _tell(self, state: MissionState, reason: str, **changes: Any) -> None:
         record = self._record.model_copy(update={"state": state, "reason": reason, **changes})
-        told = {"received_at": time.time(), "kind": "state", "state": str(state), "reason": reason}
-        self.log.append(told, record)
-        self._record = record
+        self._append({"kind": "state", "state": str(state), "reason": reason}, record)
         log.info("the mission is %s: %s", state, reason, extra={"mission": self.id, "state": str(state)})
+
+    def _append(self, told: dict[str, Any], record: MissionRecord) -> None:
+        """Save both, and show the record before the event wakes anybody who may ask for it."""
+
+        def show() -> None:
+            self._record = record
+
+        self.log.append({"received_at": time.time(), **told}, record, saved=show)
 
     def _end(self, state: MissionState, reason: str) -> None:
         sequence = self.views.keep()

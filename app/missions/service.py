@@ -210,6 +210,10 @@ class MissionService:
         self._forget_if_ended(mission)
         return mission
 
+    def held(self, mission_id: str) -> Mission | None:
+        """A mission that has not ended, from memory."""
+        return self._unfinished.get(mission_id)
+
     def get(self, mission_id: str) -> Mission:
         """Raises `NotFound`."""
         mission = self._unfinished.get(mission_id)

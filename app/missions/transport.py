@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import struct
@@ -15,7 +14,8 @@ import threading
 import zlib
 from collections import deque
 from collections.abc import Mapping
-from multiprocessing.connection import Connection
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, Final
 
@@ -27,7 +27,6 @@ from app.errors import ServiceError
 _LATEST: Final = struct.Struct("<Q")
 _GUARD: Final = struct.Struct("<QQQI")
 """Of each buffer: sequence when writing began, sequence when it ended, payload bytes, CRC-32."""
-_LOOK_S: Final = 0.5
 _HEAD: Final = 64
 _ALIGN: Final = 16
 
@@ -201,6 +200,9 @@ class CommandReceiver:
         self._gone = False
         self._suspend_wanted = False
         self._suspend_handed_out = False
+        # Whoever polls may have read STOP before the one who waits for it has woken: that one would sleep on.
+        self._end_seen, self._tell_end = Pipe(duplex=False)
+        self._end_told = False
 
     def suspend_now(self) -> None:
         """Let the next `poll` return suspend, whatever else but STOP the pipe holds."""
@@ -214,8 +216,7 @@ class CommandReceiver:
                 self._receive()
                 if self._stop_wanted or self._gone:
                     return self._stop_wanted
-            with contextlib.suppress(OSError):
-                self._connection.poll(_LOOK_S)
+            wait([self._connection, self._end_seen])
 
     def poll(self) -> str | None:
         with self._lock:
@@ -241,6 +242,9 @@ class CommandReceiver:
             self._suspend_wanted = True
         self._stop_wanted |= "stop" in self._waiting
         self._suspend_wanted |= "suspend" in self._waiting
+        if (self._stop_wanted or self._gone) and not self._end_told:
+            self._end_told = True
+            self._tell_end.send_bytes(b"end")
 
 
 def plain_json(value: Any) -> Any:

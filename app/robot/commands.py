@@ -173,8 +173,8 @@ def path_of(command: FollowPath) -> Path:
     if len(command.yaws_rad) != n or (headings is not None and len(headings) != n):
         n_headings = "no" if headings is None else len(headings)
         raise RobotError(
-            f"the path has {n} positions, {len(command.yaws_rad)} yaws and {n_headings} headings; expected "
-            "one of each, or no headings"
+            f"the path has {n} positions, {len(command.yaws_rad)} yaws and {n_headings} headings: one each, "
+            "or no headings at all"
         )
     if not all(math.isfinite(value) for position in command.positions_m for value in position):
         raise RobotError("the path holds positions that are not finite")

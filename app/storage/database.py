@@ -61,7 +61,9 @@ class Database:
             )
         self.label = parsed.render_as_string(hide_password=True)
         try:
-            self._engine = create_engine(parsed, pool_pre_ping=True)
+            # A server may have gone since the last transaction; a file has not.
+            remote = parsed.get_backend_name() != "sqlite"
+            self._engine = create_engine(parsed, pool_pre_ping=remote)
         except (ModuleNotFoundError, NoSuchModuleError) as error:
             raise ConfigError(
                 f"{self.label} needs a driver: pip install 'hgs[postgres]' ({error})"

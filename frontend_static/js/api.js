@@ -114,6 +114,9 @@ export const topViewUrl = (id, moment = null) =>
     ? `${BASE}/missions/${id}/top-view.png`
     : `${BASE}/missions/${id}/moments/${moment}/top-view.png`;
 
+/** The newest plan with all its candidates. */
+export const getPlan = (id) => request(`/missions/${id}/plan`);
+
 /** The mission's report, or null while there is none. */
 export const getReport = async (id) => {
   try {

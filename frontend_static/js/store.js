@@ -91,10 +91,11 @@ class Store extends Observable {
       api.getMetrics(id, 0),
       api.newestEvents(id, EVENTS_AT_FIRST),
     ]);
+    const plan = mission.newest_plan === null ? null : await api.getPlan(id);
     if (ticket !== this.#loading) return;
     this.mission = mission;
     this.figures = mission.figures;
-    this.plan = mission.plan;
+    this.plan = plan;
     this.series = Object.fromEntries(COLUMNS.map((name) => [name, metrics.columns[name]]));
     this.planSeries = Object.fromEntries(PLAN_COLUMNS.map((name) => [name, metrics.plans[name]]));
     this.trail = [];

@@ -2,7 +2,8 @@
 
 A real `hgs serve` with real (tiny) missions runs in processes of its own. Every mission is killed some times,
 its own process, the service's, or both, and resumed each time until it has ended; then it is held against one
-that nobody disturbed.
+that nobody disturbed. The moments are spread over what missions do (`STAGES`), not over the clock: most of a
+tiny mission's time goes by before its first frame.
 """
 
 from __future__ import annotations
@@ -27,6 +28,10 @@ from PIL import Image
 from tests.mission.small_room import TINY, write_small_room
 
 TARGETS = ("mission", "service", "both")
+STAGES = ("starting", "preparing", "looking around", "exploring", "writing results")
+"""What a mission does, in order: its process comes up, it opens its scene or checkpoint, and so on."""
+ENDED = len(STAGES)
+MOST_A_MISSION = 5
 PATIENCE_S = 300.0
 SAME = ("trajectory.txt", "map.ply", "transforms.json")
 
@@ -106,9 +111,8 @@ class Counts:
     """What came of it."""
 
     missions: int = 0
-    kills: Counter[str] = field(default_factory=Counter)
-    during: Counter[str] = field(default_factory=Counter)
-    """Kills by the mission's state at that moment."""
+    kills: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """By process and by stage."""
     resumed: int = 0
     from_the_start: int = 0
     lost: int = 0
@@ -116,10 +120,12 @@ class Counts:
     different: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        kills = ", ".join(f"{self.kills[target]} of {target}" for target in TARGETS)
-        during = ", ".join(f"{number} while {state}" for state, number in sorted(self.during.items()))
+        kills = "; ".join(
+            f"{stage}: " + ", ".join(f"{self.kills[target, stage]} of {target}" for target in TARGETS)
+            for stage in STAGES
+        )
         return (
-            f"{self.missions} missions, {sum(self.kills.values())} kills ({kills}; {during}), "
+            f"{self.missions} missions, {self.kills.total()} kills ({kills}), "
             f"{self.resumed} resumed, {self.from_the_start} of them from the start; "
             f"{self.lost} missions lost, {len(self.corrupt)} corrupt files, "
             f"{len(self.different)} that ended differently"
@@ -127,7 +133,7 @@ class Counts:
 
 
 class CrashMatrix:
-    """`run(kills)` until so many kills have hit; every mission takes up to three."""
+    """`run(kills)` until so many kills have hit; every mission takes up to `MOST_A_MISSION`."""
 
     def __init__(self, folder: Path, repository: Path, *, seed: int, time_s: float) -> None:
         self.counts = Counts()
@@ -135,34 +141,31 @@ class CrashMatrix:
         self._service = Service(folder, repository)
         self._data = folder / "data" / "missions"
         self._time_s = time_s
+        self._lasts_s = dict.fromkeys(range(len(STAGES)), 0.0)
+        """How long the undisturbed mission took for each stage."""
+        self._moments: list[tuple[int, str]] = []
 
     def run(self, kills: int) -> Counts:
         self._service.begin()
         try:
-            began = time.monotonic()
             undisturbed = self._new()
+            self._time_stages(undisturbed)
             self._until(undisturbed, "completed")
-            life_s = time.monotonic() - began
             self._check(undisturbed, undisturbed)
-            while sum(self.counts.kills.values()) < kills:
-                left = kills - sum(self.counts.kills.values())
-                self._one(undisturbed, life_s, most=min(left, int(self._rng.integers(1, 4))))
+            while (left := kills - self.counts.kills.total()) > 0:
+                self._one(undisturbed, most=min(left, int(self._rng.integers(1, MOST_A_MISSION + 1))))
         finally:
             self._service.end()
         return self.counts
 
-    def _one(self, undisturbed: str, life_s: float, *, most: int) -> None:
+    def _one(self, undisturbed: str, *, most: int) -> None:
         mission = self._new()
         self.counts.missions += 1
-        for _ in range(most):
-            deadline = time.monotonic() + self._rng.uniform(0.0, 1.1 * life_s)
-            while (state := self._state(mission)) != "completed" and time.monotonic() < deadline:
-                time.sleep(0.02)
-            target = str(self._rng.choice(TARGETS))
-            if state == "completed" or not self._service.kill(target):
+        for wanted, target in sorted(self._next_moment() for _ in range(most)):
+            stage = self._until_moment(mission, wanted)
+            if stage == ENDED or not self._service.kill(target):
                 break
-            self.counts.kills[target] += 1
-            self.counts.during[state] += 1
+            self.counts.kills[target, STAGES[stage]] += 1
             state = self._until(mission, "interrupted", "completed")
             if state == "interrupted":
                 self.counts.resumed += 1
@@ -170,6 +173,43 @@ class CrashMatrix:
                 assert answer.status_code == 202, answer.text
         self._until(mission, "completed")
         self._check(mission, undisturbed)
+
+    def _next_moment(self) -> tuple[int, str]:
+        """A stage and what is to be killed in it: all pairs in random order, then anew."""
+        if not self._moments:
+            pairs = [(stage, target) for stage in range(len(STAGES)) for target in TARGETS]
+            self._moments = [pairs[place] for place in self._rng.permutation(len(pairs))]
+        return self._moments.pop()
+
+    def _until_moment(self, mission: str, wanted: int) -> int:
+        """Wait for a random moment of that stage, or of the one the mission is in: a stage that a resumed
+        mission has behind it does not come again. The stage it is in then."""
+        share, since, deadline = self._rng.uniform(), 0.0, time.monotonic() + PATIENCE_S
+        while True:
+            found = self._found(mission)
+            stage = stage_of(found)
+            if stage == ENDED:
+                return stage
+            if stage > wanted:
+                wanted, since = stage, 0.0
+            if stage == wanted:
+                since = since or time.monotonic()
+                if time.monotonic() - since >= share * self._lasts_s[wanted]:
+                    return stage
+            assert time.monotonic() < deadline, found
+            time.sleep(0.01)
+
+    def _time_stages(self, mission: str) -> None:
+        stage, since = 0, time.monotonic()
+        while stage < ENDED:
+            now_in = stage_of(self._found(mission))
+            if now_in != stage:
+                self._lasts_s[stage] = time.monotonic() - since
+                stage, since = now_in, time.monotonic()
+            time.sleep(0.01)
+
+    def _found(self, mission: str) -> dict[str, Any]:
+        return self._service.client.get(f"/missions/{mission}").json()
 
     def _new(self) -> str:
         wish = {"scene": "room.glb", "preset": "quick", "max_time_s": self._time_s, "overrides": TINY}
@@ -180,7 +220,7 @@ class CrashMatrix:
         return mission
 
     def _state(self, mission: str) -> str:
-        return self._service.client.get(f"/missions/{mission}").json()["state"]
+        return self._found(mission)["state"]
 
     def _until(self, mission: str, *states: str) -> str:
         deadline = time.monotonic() + PATIENCE_S
@@ -217,6 +257,17 @@ class CrashMatrix:
             found += page["events"]
             if not page["more"]:
                 return found
+
+
+def stage_of(found: dict[str, Any]) -> int:
+    """Index in `STAGES` of what a mission does now; `ENDED` when it does nothing any more."""
+    state, phase = found["state"], found["phase"]
+    if state == "starting":
+        return STAGES.index("starting" if phase is None else "preparing")
+    if state == "running":
+        return STAGES.index("looking around" if found["newest_plan"] is None else "exploring")
+    assert state in ("stopping", "completed", "failed", "aborted"), found
+    return STAGES.index("writing results") if state == "stopping" else ENDED
 
 
 def _poses(run: Path) -> list[str]:

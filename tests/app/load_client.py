@@ -2,22 +2,27 @@
 
     python -m tests.app.load_client URL MISSION READERS REQUESTS_PER_S
 
-runs until the mission has ended, and prints what was seen as one JSON object.
+runs until the mission has ended, and prints what was seen as one JSON object. It shares the processor with
+what it measures, so it does little: bare HTTP, and of an event no more than its kind is looked at.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import re
 import socket
 import sys
 import time
+from collections.abc import AsyncIterator
 from dataclasses import asdict, dataclass, field
+from urllib.parse import urlsplit
 
-import httpx
 from websockets.asyncio.client import connect
 
 ENDED = ("completed", "failed", "aborted")
+_KIND = re.compile(rb'"kind": ?"([a-z_]+)"')
+_LENGTH = re.compile(rb"\r\ncontent-length: *(\d+)", re.IGNORECASE)
 
 
 @dataclass(kw_only=True)
@@ -30,54 +35,101 @@ class Seen:
     request_s: list[float] = field(default_factory=list)
     """Of each question after the state of the mission [s]."""
     refused: int = 0
+    processor_s: float = 0.0
+    """What these clients took themselves [s]."""
 
 
-def note(states: list[str], state: str) -> bool:
-    """Whether there is more to come. A state may be told again, for another reason."""
-    if states[-1:] != [state]:
-        states.append(state)
-    return state not in ENDED
+class Reader:
+    """What one reader of events has seen."""
+
+    def __init__(self) -> None:
+        self.states: list[str] = []
+        self.n_telemetry = 0
+
+    def take(self, message: bytes) -> bool:
+        """Whether there is more to come. A state may be told again, for another reason."""
+        found = _KIND.search(message)
+        assert found is not None, message[:200]
+        self.n_telemetry += found[1] == b"telemetry"
+        if found[1] != b"state":
+            return True
+        state = json.loads(message)["state"]
+        if self.states[-1:] != [state]:
+            self.states.append(state)
+        return state not in ENDED
+
+
+class Bare:
+    """HTTP/1.1 to one address."""
+
+    def __init__(self, url: str) -> None:
+        parts = urlsplit(url)
+        assert parts.hostname is not None
+        assert parts.port is not None
+        self.address = parts.hostname, parts.port
+        self._idle: list[tuple[asyncio.StreamReader, asyncio.StreamWriter, float]] = []
+
+    def head(self, path: str) -> bytes:
+        return f"GET {path} HTTP/1.1\r\nHost: {self.address[0]}:{self.address[1]}\r\n\r\n".encode()
+
+    async def get(self, path: str) -> int:
+        """The status of the answer, once all of it is here."""
+        reader, writer = await self._connection()
+        writer.write(self.head(path))
+        head = await reader.readuntil(b"\r\n\r\n")
+        length = _LENGTH.search(head)
+        assert length is not None, head
+        await reader.readexactly(int(length[1]))
+        self._idle.append((reader, writer, time.monotonic()))
+        return int(head.split(b" ", 2)[1])
+
+    async def lines(self, path: str) -> AsyncIterator[bytes]:
+        """Of an answer without end; where its chunks begin and end are lines that mean nothing here."""
+        reader, writer = await asyncio.open_connection(*self.address, limit=2**24)
+        writer.write(self.head(path))
+        try:
+            while line := await reader.readline():
+                yield line
+        finally:
+            writer.close()
+
+    async def _connection(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        while self._idle:
+            reader, writer, since = self._idle.pop()
+            # Let go sooner than the service does it, which would race with the next question.
+            if time.monotonic() - since < 2.0:
+                return reader, writer
+            writer.close()
+        return await asyncio.open_connection(*self.address, limit=2**20)
 
 
 async def read_socket(url: str, mission: str, seen: Seen) -> None:
     path = f"{url.replace('http', 'ws', 1)}api/v1/missions/{mission}/events"
-    states: list[str] = []
-    n_telemetry = 0
+    reader = Reader()
     async with connect(path, compression=None, max_size=None, open_timeout=120) as events:
-        async for message in events:
-            event = json.loads(message)
-            n_telemetry += event["kind"] == "telemetry"
-            if event["kind"] == "state" and not note(states, event["state"]):
-                break
-    seen.states.append(states)
-    seen.telemetry.append(n_telemetry)
+        while reader.take(await events.recv(decode=False)):
+            pass
+    seen.states.append(reader.states)
+    seen.telemetry.append(reader.n_telemetry)
 
 
-async def read_stream(client: httpx.AsyncClient, mission: str, seen: Seen) -> None:
-    states: list[str] = []
-    n_telemetry = 0
-    async with client.stream("GET", f"/missions/{mission}/events/stream") as answer:
-        async for line in answer.aiter_lines():
-            if not line.startswith("data: "):
-                continue
-            event = json.loads(line[6:])
-            n_telemetry += event["kind"] == "telemetry"
-            if event["kind"] == "state" and not note(states, event["state"]):
-                break
-    seen.states.append(states)
-    seen.telemetry.append(n_telemetry)
+async def read_stream(http: Bare, mission: str, seen: Seen) -> None:
+    reader = Reader()
+    async for line in http.lines(f"/api/v1/missions/{mission}/events/stream"):
+        if line.startswith(b"data: ") and not reader.take(line[6:]):
+            break
+    seen.states.append(reader.states)
+    seen.telemetry.append(reader.n_telemetry)
 
 
-async def ask(
-    client: httpx.AsyncClient, mission: str, per_s: float, seen: Seen, ended: asyncio.Event
-) -> None:
+async def ask(http: Bare, mission: str, per_s: float, seen: Seen, ended: asyncio.Event) -> None:
     """At fixed moments, however long answers take: a slow answer makes no question go unasked."""
 
     async def once() -> None:
         began = time.perf_counter()
-        answer = await client.get(f"/missions/{mission}")
+        status = await http.get(f"/api/v1/missions/{mission}")
         seen.request_s.append(time.perf_counter() - began)
-        seen.refused += answer.status_code != 200
+        seen.refused += status != 200
 
     async with asyncio.TaskGroup() as group:
         begun, number = time.perf_counter(), 0
@@ -87,30 +139,28 @@ async def ask(
             await asyncio.sleep(max(0.0, begun + number / per_s - time.perf_counter()))
 
 
-def stall(url: httpx.URL, mission: str) -> socket.socket:
+def stall(http: Bare, mission: str) -> socket.socket:
     """A reader that asks for events and takes in none."""
-    reader = socket.create_connection((url.host, url.port))
+    reader = socket.create_connection(http.address)
     reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    path = f"/api/v1/missions/{mission}/events/stream"
-    reader.sendall(f"GET {path} HTTP/1.1\r\nHost: {url.host}:{url.port}\r\n\r\n".encode())
+    reader.sendall(http.head(f"/api/v1/missions/{mission}/events/stream"))
     return reader
 
 
 async def run(url: str, mission: str, readers: int, requests_per_s: float) -> Seen:
-    seen, ended = Seen(), asyncio.Event()
-    # Idle connections are let go sooner than the service does, which would race with the next question.
-    limits = httpx.Limits(max_connections=None, keepalive_expiry=2.0)
-    async with httpx.AsyncClient(base_url=f"{url}api/v1", timeout=120, limits=limits) as client:
-        stalled = stall(httpx.URL(url), mission)
-        reading = [
-            read_socket(url, mission, seen) if number % 2 else read_stream(client, mission, seen)
-            for number in range(readers - 1)
-        ]
-        asking = asyncio.create_task(ask(client, mission, requests_per_s, seen, ended))
-        await asyncio.gather(*reading)
-        ended.set()
-        await asking
-        stalled.close()
+    seen, ended, http = Seen(), asyncio.Event(), Bare(url)
+    began_s = time.process_time()
+    stalled = stall(http, mission)
+    reading = [
+        read_socket(url, mission, seen) if number % 2 else read_stream(http, mission, seen)
+        for number in range(readers - 1)
+    ]
+    asking = asyncio.create_task(ask(http, mission, requests_per_s, seen, ended))
+    await asyncio.gather(*reading)
+    ended.set()
+    await asking
+    stalled.close()
+    seen.processor_s = time.process_time() - began_s
     return seen
 
 

@@ -105,8 +105,9 @@ def test_views_wait_for_the_operators_word(service):
     assert found["reason"] == "waits for the operator to approve plan 1"
     assert found["approval"]["plan_sequence"] == 1
     assert found["approval"]["view"]["yaw_deg"] == pytest.approx(28.6, abs=0.1)
-    assert found["plan"]["plan_sequence"] == 1
-    assert all("why" in c for c in found["plan"]["candidates"] if c["status"] != "selected")
+    plan = client.get(f"/api/v1/missions/{mission}/plan").json()
+    assert (plan["plan_sequence"], plan["sequence"]) == (1, found["newest_plan"])
+    assert all("why" in c for c in plan["candidates"] if c["status"] != "selected")
 
     url = f"/api/v1/missions/{mission}/approval"
     assert client.post(url, json={"plan_sequence": 2, "decision": "approve"}).status_code == 409

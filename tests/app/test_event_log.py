@@ -124,3 +124,30 @@ def test_readers_are_woken_until_they_leave(log):
     log.remove_waker(wake)
     log.append({"kind": "state"})
     assert woken == [1]
+
+
+def test_the_database_is_asked_once_for_what_an_earlier_service_told(log, store, monkeypatch):
+    log.append({"kind": "state"})
+    again = EventLog(store, "m")
+    assert not again.knows("state")
+    assert again.newest("state")["sequence"] == 1
+    assert again.newest("approval") is None
+    monkeypatch.setattr(store, "events", lambda *_, **__: pytest.fail("asked again"))
+    assert again.knows("state")
+    assert again.knows("approval")
+    assert again.newest("approval") is None
+    again.append({"kind": "approval"})
+    assert again.newest("approval")["sequence"] == 2
+
+
+def test_a_log_that_begins_empty_knows_everything(log, store, monkeypatch):
+    monkeypatch.setattr(store, "events", lambda *_, **__: pytest.fail("asked"))
+    assert log.knows("plan")
+    assert log.newest("plan") is None
+
+
+def test_what_is_saved_shows_before_readers_are_woken(log):
+    order = []
+    log.add_waker(lambda: order.append("woken"))
+    log.append({"kind": "state"}, saved=lambda: order.append("shown"))
+    assert order == ["shown", "woken"]

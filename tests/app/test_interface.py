@@ -78,7 +78,7 @@ def test_operations_have_stable_names(description):
         [
             *("openSession", "getSession", "closeSession"),
             *("listScenes", "listPresets", "getPreset", "getPresetSettings", "savePreset", "deletePreset"),
-            *("listMissions", "createMission", "getMission", "getRobot"),
+            *("listMissions", "createMission", "getMission", "getPlan", "getRobot"),
             *("startMission", "pauseMission", "resumeMission", "stopMission"),
             *("getDirectives", "putDirectives", "decideApproval"),
             *("getMetrics", "listEvents", "streamEvents", "getImage", "listResults", "getResult"),

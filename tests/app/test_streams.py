@@ -118,7 +118,7 @@ def test_fifty_readers_one_of_them_stalled_lose_no_state_and_cost_no_memory(live
     readers = [threading.Thread(target=read) for _ in range(49)]
     for reader in readers:
         reader.start()
-    wait_until(lambda: len(log._wakers) == 50)
+    wait_until(lambda: live.app.state.streams.n_readers(live.missions.get(mission)) == 50)
     before = psutil.Process().memory_info().rss
     filler = "x" * 20_000  # 8 MB in all, more than sockets hold
     for number in range(TOLD):
@@ -131,7 +131,8 @@ def test_fifty_readers_one_of_them_stalled_lose_no_state_and_cost_no_memory(live
     assert grown < 64 * 2**20, f"{grown / 2**20:.0f} MiB more"
     assert len(log._others) <= OTHERS_KEPT
     # The stalled reader holds nothing but its place, and that for a stated time only.
-    wait_until(lambda: len(log._wakers) == 0)
+    wait_until(lambda: live.app.state.streams.n_readers(live.missions.get(mission)) == 0)
+    assert not log._wakers
     stalled.close()
     # It comes back and is told every state, and the events since.
     url = f"{live.url}api/v1/missions/{mission}/events/stream"
@@ -169,8 +170,7 @@ def test_the_service_stops_promptly_with_open_streams(tmp_path):
         threads = [threading.Thread(target=task) for task in (listen, follow)]
         for thread in threads:
             thread.start()
-        log = live.missions.get(mission).log
-        wait_until(lambda: len(log._wakers) == 2)
+        wait_until(lambda: live.app.state.streams.n_readers(live.missions.get(mission)) == 2)
         began = time.monotonic()
     assert time.monotonic() - began < 5.0
     for thread in threads:

@@ -192,6 +192,19 @@ def test_stop_is_noticed_by_who_waits_for_it_and_still_handed_out_to_who_polls()
     assert receiver.poll() is None
 
 
+def test_who_waits_for_stop_learns_of_one_that_the_other_thread_has_read():
+    """The pipe is empty again before the waiting thread has woken, so nothing in it will wake it."""
+    reader, _writer = multiprocessing.Pipe(duplex=False)
+    receiver = CommandReceiver(reader)
+    noticed = []
+    waiter = threading.Thread(target=lambda: noticed.append(receiver.wait_for_stop()), daemon=True)
+    waiter.start()
+    receiver._waiting.append("stop")
+    assert receiver.poll() == "stop"
+    waiter.join(30)
+    assert noticed == [True]
+
+
 def test_who_waits_for_stop_is_not_left_waiting_when_the_service_goes():
     reader, writer = multiprocessing.Pipe(duplex=False)
     receiver = CommandReceiver(reader)
