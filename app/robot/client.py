@@ -12,9 +12,9 @@ from websockets.exceptions import InvalidHandshake, InvalidStatus, InvalidURI
 
 from app.robot.clock import RobotClock
 from app.robot.connection import Connection
-from app.robot.credits import Credits, OnItsWay
 from app.robot.figures import LinkFigures
-from app.robot.link_faults import FrameFaults, LinkFaults, TakenAt
+from app.robot.frame_ledger import FrameLedger
+from app.robot.link_faults import FrameFaults, LinkFaults
 from app.robot.onboard import Onboard
 from app.robot.outcome import MissionWord, Outcome
 from hgs_core.errors import RobotError
@@ -75,17 +75,13 @@ class RobotClient:
         self._headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         self._clock = clock
         self._faults = faults
-        self._frame_faults = frame_faults
+        self._frames = FrameLedger(self.figures, frame_faults, clock.now_s)
         self._give_up_after_s = give_up_after_s
         self._mission_word = mission_word
         self._mission_waits = False
         self._say = say
         self._loop: asyncio.AbstractEventLoop | None = None
         self._connection: Connection | None = None
-        self._credits: Credits | None = None
-        """Those of a connection that was welcomed."""
-        self._frames_handed, self._frames_had = 0, 0
-        """Over from the camera's thread, and received from it: each is counted by one thread."""
         self._outcome: Outcome | None = None
         self._said_bye = False
         self._over = asyncio.Event()
@@ -113,12 +109,10 @@ class RobotClient:
     # `Link`, from any thread.
 
     def may_send_frame(self) -> bool:
-        credits = self._credits
-        in_between = self._frames_handed - self._frames_had
-        return credits is not None and not self._said_bye and credits.left > in_between
+        return self._frames.may_take()
 
     def send_frame(self, frame: Frame, taken_s: float) -> None:
-        self._frames_handed += 1
+        self._frames.handed_over()
         self._from_any_thread(self._send_frame, frame, taken_s)
 
     def acknowledge(self, ack: Ack) -> None:
@@ -197,7 +191,7 @@ class RobotClient:
             silence_s=_WELCOME_S,
             hear=self._hear,
             misheard=self._misheard,
-            report=lambda: None if self._credits is None else self._onboard.report(),
+            report=lambda: self._onboard.report() if self._frames.welcomed else None,
             complaint=self._complaint,
         )
         self._send(self._onboard.hello())
@@ -205,7 +199,8 @@ class RobotClient:
         try:
             problem = await connection.talk(self._over)
         finally:
-            self._credits = self._connection = None
+            self._connection = None
+            self._frames.end()
         if connection.close_code == _REPLACED and not self._over.is_set():
             self._end(Outcome.GIVEN_UP, "another robot has taken this one's place in the mission")
         elif connection.close_code in _HOPELESS and not self._over.is_set():
@@ -214,8 +209,8 @@ class RobotClient:
 
     def _complaint(self) -> str | None:
         """Answers that never come would leave a robot without credits, and the mission without frames."""
-        waits_s = 0.0 if self._credits is None else self._credits.waits_s(self._clock.now_s())
-        return f"no frame was answered for {waits_s:.0f} s" if waits_s > _ANSWER_S else None
+        starves_s = self._frames.starves_s()
+        return f"no frame was answered for {starves_s:.0f} s" if starves_s > _ANSWER_S else None
 
     def _hear(self, message: ToRobot) -> None:
         received_s = self._clock.now_s()
@@ -224,7 +219,9 @@ class RobotClient:
         self._onboard.heard(message.now_s, received_s)
         match message:
             case Answer():
-                self._answered(message, received_s)
+                self._frames.answered(message, received_s)
+                if message.fate == "refused":
+                    self._say(f"frame {message.sequence} is refused: {message.reason}")
             case FollowPath() | Stop() | LimitSpeed():
                 self._onboard.obey(message, received_s)
             case Refusal():
@@ -251,28 +248,13 @@ class RobotClient:
                 task.cancel()
 
     def _welcomed(self, welcome: Welcome, received_s: float) -> None:
-        if self._credits is None:
+        if not self._frames.welcomed:
             self.figures.connections += 1
             self._say(f"connected: mission {welcome.mission}")
-        self._credits = Credits(welcome.credits)
+        self._frames.begin(welcome.credits)
         if self._connection is not None:
             self._connection.silence_s = max(2.0 * welcome.dead_man_s, _LEAST_SILENCE_S)
         self._onboard.welcomed(welcome, received_s)
-
-    def _answered(self, answer: Answer, received_s: float) -> None:
-        frame = None if self._credits is None else self._credits.answered(answer)
-        if frame is None:
-            return
-        if answer.fate == "taken":
-            self.figures.taken += 1
-            self.figures.taken_sequences.append(answer.sequence)
-            self.figures.sent_to_map_s.append(received_s - frame.sent_s)
-            self.figures.captured_to_map_s.append(received_s - frame.taken_s)
-        elif answer.fate == "dropped":
-            self.figures.dropped += 1
-        else:
-            self.figures.refused += 1
-            self._say(f"frame {answer.sequence} is refused: {answer.reason}")
 
     def _send(self, message: FromRobot) -> None:
         """Lost where there is no connection, or too much waits for it."""
@@ -280,18 +262,12 @@ class RobotClient:
             self._connection.send(message)
 
     def _send_frame(self, frame: Frame, taken_s: float) -> None:
-        self._frames_had += 1
-        if self._credits is None:
-            self.figures.lost += 1
-            return
-        for one in self._frame_faults.passed(TakenAt(frame, taken_s), credits_left=self._credits.left):
-            sent_s = self._clock.now_s()
-            self._credits.spend(one.frame.sequence, OnItsWay(taken_s=one.taken_s, sent_s=sent_s))
-            self.figures.sent += 1
-            self._send(one.frame)
+        for one in self._frames.sent(frame, taken_s):
+            self._send(one)
 
     def _finish(self, bye: Bye) -> None:
         self._said_bye = True
+        self._frames.close()
         self._send(bye)
         if self._connection is not None:
             self._connection.silence_s = max(self._connection.silence_s, _LAST_WORDS_S)

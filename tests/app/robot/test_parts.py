@@ -226,6 +226,14 @@ def test_a_credit_comes_back_once():
     assert credits.left == 1
 
 
+def test_a_robot_without_credits_knows_how_long_it_has_waited():
+    credits = Credits(2)
+    credits.spend(1, OnItsWay(taken_s=1.0, sent_s=2.0))
+    assert credits.waits_s(50.0) == 0.0, "there is another"
+    credits.spend(2, OnItsWay(taken_s=3.0, sent_s=4.0))
+    assert credits.waits_s(12.5) == 10.5
+
+
 def test_the_clock_is_told_with_its_offset():
     now = [50.0]
     clock = RobotClock(1000.0, monotonic_s=lambda: now[0])

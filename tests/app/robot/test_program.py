@@ -28,7 +28,7 @@ from tests.mission.small_room import TINY, write_small_room
 
 SETTINGS = {
     **TINY,
-    "limits.max_time_s": "5",
+    "limits.max_time_s": "4",
     "live.dead_man_s": "20",
     "live.frame_s": "30",
     "live.command_s": "20",

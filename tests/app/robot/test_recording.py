@@ -62,7 +62,7 @@ def test_what_is_recorded_is_what_is_sent(tmp_path, depth_format) -> None:
     assert recorded(tmp_path / "frames", depth_format=depth_format) == 9
     recording = FrameRecording(tmp_path / "frames")
     first, last = recording.frame(0, 1.0), recording.frame(8, 2.0)
-    ahead = decoded_depth(first, recording.facts.camera)[17, 30]
+    ahead = decoded_depth(first, CAMERA.intrinsics())[17, 30]
     assert ahead == 0.0 or ahead == pytest.approx(3.0, abs=0.03)
     assert (last.pose[3], last.pose[7]) == pytest.approx((0.5, 0.0))
     assert last.scan.first_bearing_rad == pytest.approx(math.pi / 2)
