@@ -41,25 +41,24 @@ class Service:
 
     def __init__(self, folder: Path, repository: Path) -> None:
         self._folder = folder
-        self._repository = repository
         (folder / "scenes").mkdir(parents=True)
         write_small_room(folder / "scenes")
         with socket.create_server(("127.0.0.1", 0)) as probe:
-            self._port = probe.getsockname()[1]
+            self.port = probe.getsockname()[1]
         self._process: subprocess.Popen | None = None
-        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self._port}/api/v1", timeout=60)
+        self.environment = {
+            **os.environ,
+            "PYTHONPATH": str(repository),
+            "HGS_SCENES_DIR": str(folder / "scenes"),
+        }
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}/api/v1", timeout=60)
 
     def begin(self) -> None:
         command = "from app.cli.application import application; application()"
-        options = ("serve", "--data-dir", str(self._folder / "data"), "--port", str(self._port))
-        environment = {
-            **os.environ,
-            "PYTHONPATH": str(self._repository),
-            "HGS_SCENES_DIR": str(self._folder / "scenes"),
-        }
+        options = ("serve", "--data-dir", str(self._folder / "data"), "--port", str(self.port))
         with (self._folder / "service.log").open("ab") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", command, *options], env=environment, stdout=output, stderr=output
+                [sys.executable, "-c", command, *options], env=self.environment, stdout=output, stderr=output
             )
         deadline = time.monotonic() + PATIENCE_S
         while True:
