@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from hgs_core.geometry.se3 import SE3
 from hgs_core.live.images import encoded_colour, encoded_depth
 from hgs_core.live.messages import Frame, ScanPart
 from hgs_core.sensing.frame import Scan
+from hgs_core.simulation.driven_robot import TICK_S
 from hgs_core.simulation.driven_world import DrivenWorld, Sighting
 
 
@@ -43,6 +45,8 @@ class CameraLoop:
         self._clock = clock
         self._interval_s = interval_s
         self._depth_format = depth_format
+        self._newest_s = -math.inf
+        """Of the newest frame."""
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -58,6 +62,8 @@ class CameraLoop:
     def _run(self, link: Link) -> None:
         due_s = self._clock.now_s()
         while not self._over.wait(max(due_s - self._clock.now_s(), 0.0)):
+            if not self._wait_for_another_moment():
+                return
             if link.may_send_frame():
                 began_s = self._clock.now_s()
                 frame, taken_s = self._frame(self._world.sense())
@@ -72,8 +78,16 @@ class CameraLoop:
                 self.late += behind
                 due_s += behind * self._interval_s
 
+    def _wait_for_another_moment(self) -> bool:
+        """No two frames are of one moment, however late the body is by the clock; False when it is over."""
+        while self._world.robot.state.timestamp_s <= self._newest_s:
+            if self._over.wait(TICK_S):
+                return False
+        return True
+
     def _frame(self, sighting: Sighting) -> tuple[Frame, float]:
         seen = sighting.frame
+        self._newest_s = seen.timestamp_s
         self.taken[seen.sequence] = TakenFrame(
             timestamp_s=seen.timestamp_s,
             T_world_camera=sighting.T_world_camera,

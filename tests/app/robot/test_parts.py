@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import queue
 import re
 from itertools import pairwise
 
@@ -10,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from app.robot.camera import CameraLoop
 from app.robot.clock import RobotClock
 from app.robot.commands import CommandDesk
 from app.robot.control import ControlLoop
@@ -290,3 +292,29 @@ def test_a_sighting_is_told_where_the_robot_believes_to_be():
     CommandDesk(again.robot, [].append).obey(path(1, (0, 0), (2, 0), valid_for_s=math.inf), 0.0)
     again.robot.advance(2.0)
     np.testing.assert_array_equal(again.sense().frame.depth_m, sighting.frame.depth_m)
+
+
+class Album:
+    """A `Link` that takes every frame."""
+
+    def __init__(self):
+        self.frames = queue.Queue()
+
+    def may_send_frame(self):
+        return True
+
+    def send_frame(self, frame, taken_s):
+        self.frames.put(frame)
+
+
+def test_no_two_frames_are_of_one_moment_though_the_body_is_late():
+    driven, album = world(), Album()
+    loop = CameraLoop(driven, RobotClock(), interval_s=0.01, depth_format="png")
+    loop.start(album)
+    times = [album.frames.get(timeout=30.0).time_s]
+    for _ in range(3):
+        driven.robot.tick()
+        times.append(album.frames.get(timeout=30.0).time_s)
+    loop.close()
+    assert times == pytest.approx([0.0, 0.02, 0.04, 0.06])
+    assert album.frames.empty()
