@@ -35,6 +35,8 @@ class _Connection:
         self._waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
         self.dismissed: tuple[int, str] | None = None
         self.over = asyncio.Event()
+        self._news = asyncio.Event()
+        """Something waits, or it is over."""
 
     def deliver(self, content: bytes) -> None:
         self._loop.call_soon_threadsafe(self._put, content)
@@ -45,26 +47,22 @@ class _Connection:
     def _put(self, content: bytes) -> None:
         try:
             self._waiting.put_nowait(content)
+            self._news.set()
         except asyncio.QueueFull:
             self._dismiss(status.WS_1008_POLICY_VIOLATION, "the robot does not read what it is sent")
 
     def _dismiss(self, code: int, reason: str) -> None:
         self.dismissed = self.dismissed or (code, reason[:120])
         self.over.set()
+        self._news.set()
 
     async def send(self) -> None:
         """Pass on what waits, until it is over and nothing waits any more."""
-        over = asyncio.ensure_future(self.over.wait())
-        try:
-            while not self.over.is_set() or not self._waiting.empty():
-                newest = asyncio.ensure_future(self._waiting.get())
-                await asyncio.wait({newest, over}, return_when=asyncio.FIRST_COMPLETED)
-                if not newest.done():
-                    newest.cancel()
-                    continue
-                await self._websocket.send_bytes(newest.result())
-        finally:
-            over.cancel()
+        while not self.over.is_set() or not self._waiting.empty():
+            await self._news.wait()
+            self._news.clear()
+            while not self._waiting.empty():
+                await self._websocket.send_bytes(self._waiting.get_nowait())
 
     async def receive(self, link: RobotLink) -> None:
         while True:

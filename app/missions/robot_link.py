@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Final, Protocol
 
 from hgs_core.errors import StreamError
-from hgs_core.live.checks import MessageChecks
+from hgs_core.live.checks import MessageChecks, refusal_of
 from hgs_core.live.messages import (
     Answer,
     Bye,
@@ -20,7 +20,6 @@ from hgs_core.live.messages import (
     Frame,
     FromRobot,
     Hello,
-    Refusal,
     Report,
     Stop,
     ToRobot,
@@ -122,12 +121,13 @@ class RobotLink:
         with self._lock:
             if self._receiver is not receiver or self._closed:
                 return
+            message: FromRobot | None = None
             try:
                 message = from_robot(content)
                 self._checks.admit(message)
             except StreamError as error:
                 self._figures = replace(self._figures, refused=self._figures.refused + 1)
-                answer: ToRobot | None = Refusal(now_s=time.monotonic(), reason=str(error))
+                answer: ToRobot | None = refusal_of(message, str(error), now_s=time.monotonic())
             else:
                 answer = self._queue(message, content)
         if answer is not None:

@@ -13,6 +13,7 @@ from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.messages import (
     PROTOCOL,
     Ack,
+    Answer,
     Bye,
     CameraFacts,
     Cloud,
@@ -20,6 +21,7 @@ from hgs_core.live.messages import (
     Frame,
     FromRobot,
     Hello,
+    Refusal,
     Report,
     ScanPart,
 )
@@ -73,6 +75,13 @@ class MessageChecks:
                 "say hello again if the clock was set"
             )
         self._newest[type(message)] = (message.sequence, message.time_s)
+
+
+def refusal_of(message: FromRobot | None, reason: str, *, now_s: float) -> Answer | Refusal:
+    """What the robot is told of a message that is not passed on; a frame's credit goes back to it."""
+    if isinstance(message, Frame):
+        return Answer(now_s=now_s, sequence=message.sequence, fate="refused", reason=reason)
+    return Refusal(now_s=now_s, reason=reason)
 
 
 def check_hello(hello: Hello) -> None:

@@ -16,7 +16,7 @@ from hgs_core.errors import StreamError
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.cameras import RobotCameras
-from hgs_core.live.checks import MessageChecks
+from hgs_core.live.checks import MessageChecks, refusal_of
 from hgs_core.live.config import LiveConfig
 from hgs_core.live.images import decoded_colour, decoded_depth
 from hgs_core.live.link import Link
@@ -30,7 +30,6 @@ from hgs_core.live.messages import (
     FromRobot,
     Heartbeat,
     Hello,
-    Refusal,
     Report,
     ToRobot,
     Welcome,
@@ -253,12 +252,13 @@ class Correspondence:
 
     def hear(self, content: bytes) -> None:
         """Take in one message, or refuse it."""
+        message: FromRobot | None = None
         try:
             message = from_robot(content)
             self._checks.admit(message)
             self._take(message)
         except StreamError as error:
-            self.send(Refusal(now_s=self.now_s, reason=str(error)))
+            self.send(refusal_of(message, str(error), now_s=self.now_s))
 
     def _take(self, message: FromRobot) -> None:
         with self._changed:
