@@ -2,8 +2,7 @@
 
 A real `hgs serve` with real (tiny) missions runs in processes of its own. Every mission is killed some times,
 its own process, the service's, or both, and resumed each time until it has ended; then it is held against one
-that nobody disturbed. The moments are spread over what missions do (`STAGES`), not over the clock: most of a
-tiny mission's time goes by before its first frame.
+that nobody disturbed.
 """
 
 from __future__ import annotations
@@ -25,14 +24,10 @@ import numpy as np
 import psutil
 from PIL import Image
 
+from tests.app.crash_moments import ENDED, PATIENCE_S, STAGES, TARGETS, Moments
 from tests.mission.small_room import TINY, write_small_room
 
-TARGETS = ("mission", "service", "both")
-STAGES = ("starting", "preparing", "looking around", "exploring", "writing results")
-"""What a mission does, in order: its process comes up, it opens its scene or checkpoint, and so on."""
-ENDED = len(STAGES)
 MOST_A_MISSION = 5
-PATIENCE_S = 300.0
 SAME = ("trajectory.txt", "map.ply", "transforms.json")
 
 
@@ -140,15 +135,13 @@ class CrashMatrix:
         self._service = Service(folder, repository)
         self._data = folder / "data" / "missions"
         self._time_s = time_s
-        self._lasts_s = dict.fromkeys(range(len(STAGES)), 0.0)
-        """How long the undisturbed mission took for each stage."""
-        self._moments: list[tuple[int, str]] = []
+        self._moments = Moments(self._rng, self._found)
 
     def run(self, kills: int) -> Counts:
         self._service.begin()
         try:
             undisturbed = self._new()
-            self._time_stages(undisturbed)
+            self._moments.learn(undisturbed)
             self._until(undisturbed, "completed")
             self._check(undisturbed, undisturbed)
             while (left := kills - self.counts.kills.total()) > 0:
@@ -160,8 +153,8 @@ class CrashMatrix:
     def _one(self, undisturbed: str, *, most: int) -> None:
         mission = self._new()
         self.counts.missions += 1
-        for wanted, target in sorted(self._next_moment() for _ in range(most)):
-            stage = self._until_moment(mission, wanted)
+        for wanted, target in self._moments.draw(most):
+            stage = self._moments.wait(mission, wanted)
             if stage == ENDED or not self._service.kill(target):
                 break
             self.counts.kills[target, STAGES[stage]] += 1
@@ -172,40 +165,6 @@ class CrashMatrix:
                 assert answer.status_code == 202, answer.text
         self._until(mission, "completed")
         self._check(mission, undisturbed)
-
-    def _next_moment(self) -> tuple[int, str]:
-        """A stage and what is to be killed in it: all pairs in random order, then anew."""
-        if not self._moments:
-            pairs = [(stage, target) for stage in range(len(STAGES)) for target in TARGETS]
-            self._moments = [pairs[place] for place in self._rng.permutation(len(pairs))]
-        return self._moments.pop()
-
-    def _until_moment(self, mission: str, wanted: int) -> int:
-        """Wait for a random moment of that stage, or of the one the mission is in: a stage that a resumed
-        mission has behind it does not come again. The stage it is in then."""
-        share, since, deadline = self._rng.uniform(), 0.0, time.monotonic() + PATIENCE_S
-        while True:
-            found = self._found(mission)
-            stage = stage_of(found)
-            if stage == ENDED:
-                return stage
-            if stage > wanted:
-                wanted, since = stage, 0.0
-            if stage == wanted:
-                since = since or time.monotonic()
-                if time.monotonic() - since >= share * self._lasts_s[wanted]:
-                    return stage
-            assert time.monotonic() < deadline, found
-            time.sleep(0.01)
-
-    def _time_stages(self, mission: str) -> None:
-        stage, since = 0, time.monotonic()
-        while stage < ENDED:
-            now_in = stage_of(self._found(mission))
-            if now_in != stage:
-                self._lasts_s[stage] = time.monotonic() - since
-                stage, since = now_in, time.monotonic()
-            time.sleep(0.01)
 
     def _found(self, mission: str) -> dict[str, Any]:
         return self._service.client.get(f"/missions/{mission}").json()
@@ -256,17 +215,6 @@ class CrashMatrix:
             found += page["events"]
             if not page["more"]:
                 return found
-
-
-def stage_of(found: dict[str, Any]) -> int:
-    """Index in `STAGES` of what a mission does now; `ENDED` when it does nothing any more."""
-    state, phase = found["state"], found["phase"]
-    if state == "starting":
-        return STAGES.index("starting" if phase is None else "preparing")
-    if state == "running":
-        return STAGES.index("looking around" if found["newest_plan"] is None else "exploring")
-    assert state in ("stopping", "completed", "failed", "aborted"), found
-    return STAGES.index("writing results") if state == "stopping" else ENDED
 
 
 def _poses(run: Path) -> list[str]:
