@@ -21,8 +21,9 @@ def print_localisation(figures: LocalisationBenchmark) -> None:
         else (f"{figures.lost} lost, the first because {figures.first_reason}")
     )
     OUTPUT.print(
-        f"{figures.source}, {figures.method}: {figures.frames} frames over {aligned.length_m:.1f} m, {lost}; "
-        f"{1000 * figures.seconds_per_frame:.0f} ms a frame",
+        f"{figures.source}, {figures.method}: {figures.frames} frames, {lost}; errors "
+        f"over the {aligned.length_m:.1f} m between those that were located; "
+        f"{1000 * figures.processor_s_per_frame:.0f} ms of processor time a frame",
         highlight=False,
         markup=False,
         soft_wrap=True,

@@ -26,10 +26,11 @@ class DepthAgreement:
 
 def depth_agreement(
     depth_m: Float32[ndarray, "height width"],
-    other_m: Float32[ndarray, "height width"],
+    other_m: Float32[ndarray, "rows columns"],
     camera: CameraIntrinsics,
     T_other_this: SE3,
     *,
+    other_camera: CameraIntrinsics,
     gate_m: float,
     gate_slope: float,
 ) -> DepthAgreement:
@@ -37,7 +38,7 @@ def depth_agreement(
     measured = (depth_m > 0) & np.isfinite(depth_m)
     n_measured = int(measured.sum())
     points = T_other_this.apply(camera.rays()[measured] * depth_m[measured][:, None])
-    uv, inside = camera.project(points)
+    uv, inside = other_camera.project(points)
     columns, rows = uv[inside].astype(np.int64).T
     theirs = other_m[rows, columns]
     z = points[inside, 2]

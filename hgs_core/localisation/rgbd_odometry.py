@@ -3,7 +3,6 @@ keyframe (Steinbruecker et al. 2011; Park et al. 2017)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -43,20 +42,31 @@ class RgbdOdometryConfig(LocalisationConfig):
     """Farther depth is not used [m]."""
     min_overlap: float = Field(0.3, gt=0, le=1)
     """Share of the frame's depth that must fall on the keyframe's."""
-    min_fitness: float = Field(0.75, gt=0, le=1)
-    """Share of that overlap whose depths must agree, within 3 cm + 2 %."""
+    min_fitness: float = Field(0.8, gt=0, le=1)
+    """Share of that overlap whose depths must agree, within 3 cm + 2 %. Right alignments reach 0.93 in a
+    simulated house and 0.85 with a Kinect, wrong ones seldom 0.8."""
     max_inlier_rmse_m: float = Field(0.04, gt=0)
     """Largest root mean square difference of the depths that agree [m]."""
     keyframe_overlap: float = Field(0.75, gt=0, le=1)
     """A frame that overlaps the keyframe less than this becomes the next one."""
-    search_turns_deg: tuple[float, ...] = (8.0, -8.0, 16.0, -16.0, 24.0, -24.0)
-    """Where neither steady motion nor standing still leads to an alignment, turns about the vertical that are
-    tried."""
+    search_turns_deg: tuple[float, ...] = (4, -4, 8, -8, 12, -12, 16, -16, 20, -20, 24, -24)
+    """Turns about the vertical that the robot may have made since the last frame: tried beside steady motion
+    and standing still, those first whose depths agree best."""
+    search_steps_m: tuple[float, ...] = (0.1, 0.2, 0.3, -0.1, -0.2)
+    """Ways straight ahead that are tried likewise."""
+    max_tries: int = Field(3, ge=1)
+    """So many of these are aligned before the frame is lost."""
     limits: MotionLimits = MotionLimits()
 
 
 _GATE_M: Final = 0.03
 _GATE_SLOPE: Final = 0.02
+_SEARCH_GATE_M: Final = 0.1
+"""Depths that differ less are good enough for a guess."""
+_SEARCH_STRIDE: Final = 4
+_SEARCHED_S: Final = 1.0
+"""However long a camera was lost, it is looked for only where it can have come in so long: farther off,
+places that look alike would be taken for each other."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +121,7 @@ class RgbdOdometry:
                 f"{self._last.timestamp_s:.3f} s"
             )
         reasons = []
-        for guess in self._guesses(self._last.pose, passed_s):
+        for guess in self._guesses(view, self._keyframe, self._last.pose, passed_s):
             alignment = self._aligned(view, self._keyframe, guess, self._last, passed_s)
             if alignment.wrong is None:
                 step = self._last.pose.inverse() @ alignment.T_world_camera
@@ -130,13 +140,29 @@ class RgbdOdometry:
         self._last = StampedPose(pose=pose, timestamp_s=frame.timestamp_s)
         return Located(T_world_camera=pose)
 
-    def _guesses(self, last: SE3, passed_s: float) -> Iterator[SE3]:
-        """Steady motion; standing still; turns on the spot."""
-        yield last @ SE3.exp(self._twist_per_s * passed_s)
-        yield last
+    def _guesses(self, view: _View, keyframe: _Keyframe, last: SE3, passed_s: float) -> list[SE3]:
+        """Poses to align from, the likeliest first."""
+        guesses = [last @ SE3.exp(self._twist_per_s * min(passed_s, _SEARCHED_S)), last]
         for turn_deg in self._config.search_turns_deg:
             turn = SE3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.radians(turn_deg)]))
-            yield SE3(rotation=turn.rotation @ last.rotation, translation=last.translation)
+            guesses.append(SE3(rotation=turn.rotation @ last.rotation, translation=last.translation))
+        for step_m in self._config.search_steps_m:
+            guesses.append(last @ SE3.exp(np.array([0.0, 0.0, step_m, 0.0, 0.0, 0.0])))
+        few, camera = _every(view.depth_m, view.camera, _SEARCH_STRIDE)
+
+        def agreeing(guess: SE3) -> float:
+            found = depth_agreement(
+                few,
+                keyframe.view.depth_m,
+                camera,
+                keyframe.T_world_camera.inverse() @ guess,
+                other_camera=keyframe.view.camera,
+                gate_m=_SEARCH_GATE_M,
+                gate_slope=_GATE_SLOPE,
+            )
+            return found.overlap * found.fitness
+
+        return sorted(guesses, key=agreeing, reverse=True)[: self._config.max_tries]
 
     def _aligned(
         self, view: _View, keyframe: _Keyframe, guess: SE3, last: StampedPose, passed_s: float
@@ -158,11 +184,16 @@ class RgbdOdometry:
             keyframe.view.depth_m,
             view.camera,
             T_key_camera,
+            other_camera=keyframe.view.camera,
             gate_m=_GATE_M,
             gate_slope=_GATE_SLOPE,
         )
         pose = keyframe.T_world_camera @ T_key_camera
-        wrong = flaw(pose) or self._doubt(agreement) or config.limits.violation(last.pose, pose, passed_s)
+        wrong = (
+            flaw(pose)
+            or self._doubt(agreement)
+            or config.limits.violation(last.pose, pose, min(passed_s, _SEARCHED_S))
+        )
         return _Alignment(T_world_camera=pose, agreement=agreement, wrong=wrong)
 
     def _align(
@@ -238,6 +269,22 @@ class RgbdOdometry:
             depth_m=near,
             camera=camera,
         )
+
+
+def _every(
+    depth_m: Float32[ndarray, "height width"], camera: CameraIntrinsics, stride: int
+) -> tuple[Float32[ndarray, "rows columns"], CameraIntrinsics]:
+    """Every `stride`-th pixel, and the camera that sees just these rays."""
+    few = np.ascontiguousarray(depth_m[::stride, ::stride])
+    aside = 0.5 - 0.5 / stride
+    return few, CameraIntrinsics(
+        width=few.shape[1],
+        height=few.shape[0],
+        fx=camera.fx / stride,
+        fy=camera.fy / stride,
+        cx=camera.cx / stride + aside,
+        cy=camera.cy / stride + aside,
+    )
 
 
 def _orthonormal(rotation: Float[ndarray, "3 3"]) -> Float[ndarray, "3 3"]:

@@ -9,12 +9,10 @@ from typer.testing import CliRunner
 
 from app.cli.application import application
 from hgs_core.benchmark.localisation import LocalisationBenchmark, localisation_settings
-from hgs_core.errors import ConfigError
 from hgs_core.evaluation.trajectory import Trajectory, write_trajectory
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.geometry.se3 import SE3
 from hgs_core.localisation.given import GivenConfig
-from hgs_core.mission.build import build_mission
 from hgs_core.mission.config import resolve_mission_config
 from hgs_core.mission.settings_schema import settings_schema
 from tests.benchmark.test_recording import write_recording
@@ -68,8 +66,8 @@ def test_lost_frames_are_counted_and_told_why(tmp_path: Path) -> None:
     recording = write_recording(tmp_path / "wall", n_frames=8, turned=(3, 4))
     code, output = bench(recording, "--method", "given")
     assert code == 0, output
-    assert "8 frames over" in output
-    assert "2 lost, the first because frame 3 refused: turned 180.0 degrees" in output
+    assert "8 frames, 2 lost" in output
+    assert "lost, the first because frame 3 refused: turned 180.0 degrees" in output
 
 
 def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
@@ -97,6 +95,15 @@ def test_localisation_is_a_section_of_the_preset() -> None:
 
 
 def test_a_simulated_mission_knows_where_it_is(tmp_path: Path) -> None:
-    config = resolve_mission_config("quick", {"localisation.method": "rgbd-odometry"})
-    with pytest.raises(ConfigError, match="a simulated mission has the simulator's poses"):
-        build_mission(config, scene_source="house", seed=0, keyframe_folder=tmp_path)
+    odometry = ("--set", "localisation.method=rgbd-odometry")
+    options = [
+        "--scene",
+        str(write_small_room(tmp_path)),
+        "--preset",
+        "quick",
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    result = CliRunner().invoke(application, ["run", *options, *odometry], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "a simulated mission has the simulator's poses" in " ".join(result.output.split())

@@ -100,7 +100,7 @@ def test_depths_agree_where_the_pose_is_right(caster: RayCaster) -> None:
     _, here = caster.render(CAMERA, pose_at(0.0), 5.0)
     _, there = caster.render(CAMERA, pose_at(1.0), 5.0)
     T_there_here = pose_at(1.0).inverse() @ pose_at(0.0)
-    gates = {"gate_m": 0.03, "gate_slope": 0.0}
+    gates = {"gate_m": 0.03, "gate_slope": 0.0, "other_camera": CAMERA}
     right = depth_agreement(here, there, CAMERA, T_there_here, **gates)
     assert 0.6 < right.overlap < 1.0
     assert right.fitness > 0.9
