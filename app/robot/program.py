@@ -121,7 +121,13 @@ class _Program:
     def _mission(self) -> str:
         options = self._options
         if options.mission is not None:
-            word = self._word(options.mission)
+            try:
+                word = self._word(options.mission)
+            except (OSError, Refused) as error:
+                if isinstance(error, Refused) and error.status < 500:
+                    raise
+                self._say(f"the service is not there yet: {error}")  # the connection is tried for long enough
+                return options.mission
             if word.over is not None:
                 raise RobotError(f"mission {options.mission} takes no robot: {word.over}")
             return options.mission

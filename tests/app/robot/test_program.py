@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -144,3 +145,22 @@ def test_the_example_client_is_driven_by_the_service(service, repository) -> Non
     figures = api.get(f"/missions/{mission}").json()["figures"]
     assert figures["frame"] >= 3
     assert figures["n_gaussians"] > 100
+
+
+def test_a_service_that_is_away_is_waited_for(tmp_path) -> None:
+    """A robot that is given its mission starts before its service is back; nobody comes, so it gives up."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    said: list[str] = []
+    wish = RobotOptions(
+        server=f"http://127.0.0.1:{port}",
+        out=tmp_path / "out",
+        mission="20200101-000000-0123456789ab",
+        scene=str(write_small_room(tmp_path)),
+        sensor="rgbd_5m_tiny",
+        preset="quick",
+        give_up_after_s=0.5,
+    )
+    run = run_robot(wish, said.append)
+    assert run.outcome is Outcome.GIVEN_UP
+    assert any("not there yet" in line for line in said)
