@@ -31,13 +31,16 @@ from hgs_core.live.messages import (
 log = logging.getLogger(__name__)
 
 _FRAMES_WAITING: Final = 2
+_MOST_WAITING: Final = 2000
 _WAITING_BYTES: Final = 16 * 2**20
 
 
 class Receiver(Protocol):
     """A robot's connection, told from other threads."""
 
-    def deliver(self, content: bytes) -> None: ...
+    def deliver(self, content: bytes, *, urgent: bool = False) -> None:
+        """Send it; what is `urgent` in place of everything that waits to be sent."""
+        ...
 
     def dismiss(self, code: int, reason: str) -> None:
         """End the connection."""
@@ -74,6 +77,9 @@ class RobotLink:
         self._checks = MessageChecks()
         self._waiting: deque[tuple[bytes, int | None]] = deque()
         """Encoded messages; with a frame its sequence."""
+        self._waiting_bytes = 0
+        self._n_frames = 0
+        """How many of those that wait are frames."""
         self._figures = LinkFigures()
         self._report: Report | None = None
         self._command: FollowPath | Stop | None = None
@@ -90,10 +96,10 @@ class RobotLink:
                 return
             self._closed = True
             receiver, self._receiver = self._receiver, None
-            self._waiting.clear()
+            self._clear()
             self._lock.notify_all()
         if receiver is not None:
-            receiver.deliver(encoded(self._stop(reason)))
+            receiver.deliver(encoded(self._stop(reason)), urgent=True)
             receiver.dismiss(CLOSED, reason)
         with contextlib.suppress(OSError):
             self._connection.close()
@@ -107,6 +113,7 @@ class RobotLink:
             self._checks = MessageChecks()
             self._figures = replace(self._figures, connected=True, connections=self._figures.connections + 1)
         if before is not None:
+            before.deliver(encoded(self._stop("another connection took this one's place")), urgent=True)
             before.dismiss(REPLACED, "another connection of the robot took its place")
         return True
 
@@ -138,7 +145,7 @@ class RobotLink:
         with self._lock:
             receiver = self._receiver
         if receiver is not None:
-            receiver.deliver(encoded(self._stop(reason)))
+            receiver.deliver(encoded(self._stop(reason)), urgent=True)
 
     @property
     def figures(self) -> LinkFigures:
@@ -157,31 +164,45 @@ class RobotLink:
     def _queue(self, message: FromRobot, content: bytes) -> ToRobot | None:
         figures = replace(self._figures, heard_at=time.time())
         answer: ToRobot | None = None
-        if isinstance(message, Frame):
-            figures = replace(figures, frames=figures.frames + 1)
-            if (overtaken := self._overtaken()) is not None:
-                figures = replace(figures, frames_dropped=figures.frames_dropped + 1)
-                answer = Answer(now_s=time.monotonic(), sequence=overtaken, fate="dropped")
-        elif isinstance(message, Hello):
+        sequence = message.sequence if isinstance(message, Frame) else None
+        if isinstance(message, Hello):
+            self._clear()  # it begins anew
             figures = replace(figures, robot=message.name)
             self._report = message.report or self._report
         elif isinstance(message, Report):
             self._report = message
+        is_full = len(self._waiting) >= _MOST_WAITING or self._waiting_bytes >= _WAITING_BYTES
+        if sequence is not None:
+            figures = replace(figures, frames=figures.frames + 1)
+            overtaken = sequence if is_full else self._overtaken()
+            if overtaken is not None:
+                figures = replace(figures, frames_dropped=figures.frames_dropped + 1)
+                answer = Answer(now_s=time.monotonic(), sequence=overtaken, fate="dropped")
         self._figures = figures
-        # A process that does not read for long misses reports and clouds; what counts gets through.
-        waiting_bytes = sum(len(waits) for waits, _ in self._waiting)
-        if waiting_bytes < _WAITING_BYTES or isinstance(message, Hello | Bye):
-            self._waiting.append((content, message.sequence if isinstance(message, Frame) else None))
+        # A process that does not read for long misses reports and clouds; a goodbye gets through.
+        if not is_full or isinstance(message, Bye):
+            self._waiting.append((content, sequence))
+            self._waiting_bytes += len(content)
+            self._n_frames += sequence is not None
             self._lock.notify_all()
         return answer
 
     def _overtaken(self) -> int | None:
         """The frame that makes room for a new one, taken out; None where there is room."""
-        frames = [entry for entry in self._waiting if entry[1] is not None]
-        if len(frames) < _FRAMES_WAITING:
+        if self._n_frames < _FRAMES_WAITING:
             return None
-        self._waiting.remove(frames[0])
-        return frames[0][1]
+        oldest = next(entry for entry in self._waiting if entry[1] is not None)
+        self._waiting.remove(oldest)
+        self._count_out(*oldest)
+        return oldest[1]
+
+    def _count_out(self, content: bytes, sequence: int | None) -> None:
+        self._waiting_bytes -= len(content)
+        self._n_frames -= sequence is not None
+
+    def _clear(self) -> None:
+        self._waiting.clear()
+        self._waiting_bytes = self._n_frames = 0
 
     def _write(self) -> None:
         while True:
@@ -189,7 +210,8 @@ class RobotLink:
                 self._lock.wait_for(lambda: bool(self._waiting) or self._closed)
                 if self._closed:
                     return
-                content, _ = self._waiting.popleft()
+                content, sequence = self._waiting.popleft()
+                self._count_out(content, sequence)
             try:
                 self._connection.send_bytes(content)
             except OSError:  # the process has gone: its supervisor closes this
@@ -216,3 +238,4 @@ class RobotLink:
 
 REPLACED: Final = 4409
 CLOSED: Final = 4410
+NO_MORE: Final = 4411

@@ -120,9 +120,9 @@ class Supervisor:
         """Ask the process to stop; calling it again changes nothing."""
         if not self._stop_requested.is_set():
             self._stop_requested.set()
+            self.send("stop")
             if self.link is not None:
                 self.link.halt("the operator stops the mission")
-            self.send("stop")
 
     def suspend(self) -> None:
         """Ask the process to save a checkpoint and end."""

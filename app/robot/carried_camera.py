@@ -84,22 +84,25 @@ class CarriedCamera:
         assert self._link is not None
         self._plays.wait()
         try:
-            self._play(self._link)
-        except StreamError as error:
-            self.error = error
+            is_whole = self._play(self._link)
+        except Exception as error:  # whatever is wrong with a file, the mission is told that no more comes
+            unread = StreamError(f"the recording cannot be read: {error!r}")
+            self.error = error if isinstance(error, StreamError) else unread
             self._link.finish(Bye(reason="the recording is damaged"))
         else:
-            self._link.finish(Bye(reason="the recording is over"))
+            if is_whole:
+                self._link.finish(Bye(reason="the recording is over"))
 
-    def _play(self, link: Link) -> None:
+    def _play(self, link: Link) -> bool:
+        """Whether it came to its end."""
         began_s, times_s = self._clock.now_s(), self._playback.timestamps_s
         for index, at_s in enumerate((times_s - times_s[0]) / self._speed):
             due_s = began_s + float(at_s)
             if self._over.wait(max(due_s - self._clock.now_s(), 0.0)):
-                return
+                return False
             while self._waits and not link.may_send_frame():
                 if self._over.wait(_LOOK_S):
-                    return
+                    return False
             if not link.may_send_frame():
                 self.skipped += 1
                 continue
@@ -109,3 +112,4 @@ class CarriedCamera:
             if pose is not None:
                 self.taken[index] = TakenFrame(timestamp_s=taken_s, T_world_camera=pose, estimate=pose)
             link.send_frame(frame, taken_s)
+        return True

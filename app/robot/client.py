@@ -42,9 +42,12 @@ _STAND_S: Final = 5.0
 _LAST_WORDS_S: Final = 30.0
 """After `Bye` the service may take so long to say `End`."""
 _ANSWER_S: Final = 10.0
-_HOPELESS: Final = frozenset({400, 401, 403, 404, 405, 422, 4401, 4404})
-"""HTTP statuses and close codes that trying again does not change."""
+_HOPELESS: Final = frozenset({400, 401, 403, 404, 405, 422, 1009, 4401, 4404})
+"""HTTP statuses and close codes that trying again does not change; 1009: a frame is larger than the service
+takes."""
 _REPLACED: Final = 4409
+_NOT_NOW: Final = 4410
+_NO_MORE: Final = 4411
 
 
 class RobotClient:
@@ -83,7 +86,8 @@ class RobotClient:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._connection: Connection | None = None
         self._outcome: Outcome | None = None
-        self._said_bye = False
+        self._bye: Bye | None = None
+        """What it has said, and says again on a new connection, until it is over."""
         self._over = asyncio.Event()
 
     async def run(self) -> Outcome:
@@ -137,9 +141,6 @@ class RobotClient:
             welcomed_before = self.figures.connections
             problem = await self._connected()
             if self._over.is_set():
-                return
-            if self._said_bye:
-                self._end(Outcome.ENDED, "the stream was sent to its end")
                 return
             if self.figures.connections > welcomed_before:
                 backoff_s, reached_s = _BACKOFF_S[0], time.monotonic()
@@ -201,7 +202,11 @@ class RobotClient:
         finally:
             self._connection = None
             self._frames.end()
-        if connection.close_code == _REPLACED and not self._over.is_set():
+        if connection.close_code == _NO_MORE and not self._over.is_set():
+            self._end(Outcome.ENDED, problem)
+        elif connection.close_code == _NOT_NOW:
+            self._mission_waits = True
+        elif connection.close_code == _REPLACED and not self._over.is_set():
             self._end(Outcome.GIVEN_UP, "another robot has taken this one's place in the mission")
         elif connection.close_code in _HOPELESS and not self._over.is_set():
             raise RobotError(f"the service refuses the robot: {problem}")
@@ -216,7 +221,8 @@ class RobotClient:
         received_s = self._clock.now_s()
         if isinstance(message, Welcome):
             self._welcomed(message, received_s)
-        self._onboard.heard(message.now_s, received_s)
+        if _is_of_mission(message):
+            self._onboard.heard(message.now_s, received_s)
         match message:
             case Answer():
                 self._frames.answered(message, received_s)
@@ -255,6 +261,8 @@ class RobotClient:
         if self._connection is not None:
             self._connection.silence_s = max(2.0 * welcome.dead_man_s, _LEAST_SILENCE_S)
         self._onboard.welcomed(welcome, received_s)
+        if self._bye is not None:
+            self._send(self._bye)
 
     def _send(self, message: FromRobot) -> None:
         """Lost where there is no connection, or too much waits for it."""
@@ -266,7 +274,7 @@ class RobotClient:
             self._send(one)
 
     def _finish(self, bye: Bye) -> None:
-        self._said_bye = True
+        self._bye = bye
         self._frames.close()
         self._send(bye)
         if self._connection is not None:
@@ -276,6 +284,11 @@ class RobotClient:
         if self._outcome is None:
             self._outcome, self.ending = outcome, why
             self._over.set()
+
+
+def _is_of_mission(message: ToRobot) -> bool:
+    """Whether the mission's process says it: what the service answers by itself shows no mission alive."""
+    return not isinstance(message, Refusal) and not (isinstance(message, Answer) and message.fate != "taken")
 
 
 def _text(body: bytes | bytearray | None) -> str:

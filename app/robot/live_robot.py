@@ -111,6 +111,8 @@ class LiveRobot:
 
     def welcomed(self, welcome: Welcome, received_s: float) -> None:
         self.desk.begin()
+        # What it drives was told by a connection that is gone, and a stop may have gone with it.
+        self.world.robot.stop()
         self._dead_man.arm(welcome.dead_man_s, received_s)
 
     def heard(self, now_s: float, received_s: float) -> None:

@@ -1,6 +1,4 @@
-"""A robot of your own: what it says to the service, and what it obeys.
-
-    python own_robot.py ws://127.0.0.1:8000/api/v1/ingest/MISSION [TOKEN]
+"""A robot of your own: python own_robot.py ws://127.0.0.1:8000/api/v1/ingest/MISSION [TOKEN]
 
 MISSION has the scene "live", and was started. Put your robot in the place of `room_robot.Robot`.
 Needs: pip install websockets msgspec numpy pillow
@@ -94,7 +92,10 @@ class Client:
 
 
 if __name__ == "__main__":
-    url, *token = sys.argv[1:]
+    (url, *token), robot = sys.argv[1:], Robot()
     headers = {"Authorization": f"Bearer {token[0]}"} if token else {}
-    with connect(url, additional_headers=headers, compression=None) as websocket:
-        sys.stdout.write(f"the mission is over: {Client(websocket, Robot()).live()}\n")
+    try:
+        with connect(url, additional_headers=headers, compression=None) as websocket:
+            sys.stdout.write(f"the mission is over: {Client(websocket, robot).live()}\n")
+    finally:
+        robot.stop()

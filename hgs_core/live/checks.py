@@ -33,6 +33,7 @@ MAX_RAYS: Final = 20_000
 MAX_POINTS: Final = 250_000
 MAX_TEXT: Final = 300
 MAX_REGION_M: Final = 200.0
+FARTHEST_RANGE_M: Final = 200.0
 
 
 class MessageChecks:
@@ -46,9 +47,10 @@ class MessageChecks:
     def admit(self, message: FromRobot) -> None:
         """Raises `StreamError` for a message that is not to be passed on; it counts as not sent."""
         if isinstance(message, Hello):
+            self._hello = None
+            self._newest.clear()
             check_hello(message)
             self._hello = message
-            self._newest.clear()
         elif self._hello is None:
             raise StreamError("the first message must be a hello")
         elif isinstance(message, Frame):
@@ -89,7 +91,7 @@ def check_hello(hello: Hello) -> None:
         raise StreamError(f"protocol {hello.protocol} is not spoken here: this is protocol {PROTOCOL}")
     _check_text(hello.name, "name")
     _check_cameras(hello)
-    if not (_finite([hello.scanner_range_m]) and 0 < hello.scanner_range_m <= FARTHEST_M):
+    if not (_finite([hello.scanner_range_m]) and 0 < hello.scanner_range_m <= FARTHEST_RANGE_M):
         raise StreamError(f"scanner_range_m {hello.scanner_range_m}: expected a distance above 0")
     if hello.robot is not None:
         try:
@@ -118,8 +120,10 @@ def _check_cameras(hello: Hello) -> None:
             raise StreamError(f"a camera needs finite numbers: {camera}")
     facts = hello.camera
     positive = [facts.range_m, facts.mount_height_m, facts.frame_interval_s]
-    if not _finite(positive) or min(positive) <= 0:
-        raise StreamError(f"the camera's distances and intervals must be finite and above 0: {facts}")
+    if not _finite(positive) or min(positive) <= 0 or max(positive) > FARTHEST_RANGE_M:
+        raise StreamError(
+            f"the camera's distances and intervals must be above 0 and at most {FARTHEST_RANGE_M:g}: {facts}"
+        )
     RobotCameras.of(hello)
 
 
@@ -153,6 +157,8 @@ def check_report(report: Report) -> None:
 def _check_scan(scan: ScanPart, where: str) -> None:
     if len(scan.origin_m) != 3 or not _finite([*scan.origin_m, scan.first_bearing_rad, scan.step_rad]):
         raise StreamError(f"{where}: a scan needs an origin of 3 finite numbers and finite bearings")
+    if max(abs(number) for number in scan.origin_m) > FARTHEST_M:
+        raise StreamError(f"{where}: a scan from {scan.origin_m}: no scanner is there")
     if len(scan.ranges_m) % 4 or len(scan.ranges_m) > 4 * MAX_RAYS:
         raise StreamError(f"{where}: a scan has at most {MAX_RAYS} ranges of 4 bytes")
     ranges = np.frombuffer(scan.ranges_m, "<f4")

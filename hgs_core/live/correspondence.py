@@ -6,13 +6,14 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 
-from hgs_core.errors import StreamError
+from hgs_core.errors import HgsError, StreamError
 from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.cameras import RobotCameras
@@ -50,6 +51,7 @@ CREDITS: Final = 2
 _BEAT_S: Final = 0.5
 _LISTEN_S: Final = 0.1
 _REPORTS_KEPT: Final = 200
+_REASON_LENGTH: Final = 300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,11 +79,13 @@ class Correspondence:
         config: LiveConfig,
         *,
         localiser_from: Callable[[SE3], Localiser],
+        earlier: dict[str, Any] | None = None,
         notice: Callable[[float, str], None] = lambda _t, _m: None,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         """`localiser_from` makes a localiser that begins at a camera's pose. `notice` is told, with mission
-        time, what an operator should know; from any thread."""
+        time, what an operator should know; from any thread. `earlier`: the `state` of a process before, which
+        this one goes on from."""
         self._link = link
         self._config = config
         self._notice = notice
@@ -103,8 +107,16 @@ class Correspondence:
         self._over: str | None = None
         self._was_waited_for = False
         self._began_at: float | None = None
+        self._paused_at: float | None = None
         self._not_counted_s = 0.0
         self._earlier_s = 0.0
+        self._taken_at: float | None = None
+        self._refused: str | None = None
+        """Why the newest frame was not accepted, if it was not."""
+        if earlier is not None:
+            self._earlier_s = float(earlier["time_s"])
+            located = earlier["located"]
+            self._located = None if located is None else SE3.from_matrix(np.array(located))
         self._on_report: Callable[[Report], None] = lambda _: None
         self._on_ack: Callable[[Ack], None] = lambda _: None
         self._on_hello: Callable[[Hello], None] = lambda _: None
@@ -154,15 +166,17 @@ class Correspondence:
         with self._changed:
             return self._time_s(self._now())
 
-    def go_on_from(self, time_s: float) -> None:
-        """Let mission time go on from an earlier process's."""
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Mission time stands still inside."""
         with self._changed:
-            self._earlier_s = time_s
-
-    def not_counted(self, duration_s: float) -> None:
-        """Take so much wall time out of mission time: a pause that has passed."""
-        with self._changed:
-            self._not_counted_s += duration_s
+            began = self._paused_at = self._now()
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._paused_at = None
+                self._not_counted_s += self._now() - began
 
     @property
     def report(self) -> Report | None:
@@ -178,6 +192,8 @@ class Correspondence:
         """The newest frame that has not been taken yet."""
         with self._changed:
             taken, self._frame = self._frame, None
+            if taken is not None:
+                self._taken_at = self._now()
             return taken
 
     def take_dropped(self) -> int:
@@ -201,7 +217,8 @@ class Correspondence:
         if self._heard_at is not None and now - self._heard_at > self._config.dead_man_s:
             return f"no word from the robot for {self._config.dead_man_s:g} s: it has stopped by itself"
         if self._frame_at is not None and now - self._frame_at > self._config.frame_s:
-            return f"no frame from the robot for {self._config.frame_s:g} s: it is stopped"
+            refused = "" if self._refused is None else f"; the last one was refused: {self._refused}"
+            return f"no frame from the robot for {self._config.frame_s:g} s: it is stopped{refused}"
         return None
 
     @property
@@ -209,6 +226,12 @@ class Correspondence:
         """Seconds since the newest frame came; +inf without one."""
         frame_at = self._frame_at
         return np.inf if frame_at is None else self._now() - frame_at
+
+    @property
+    def blind_s(self) -> float:
+        """Seconds since the loop took a frame; 0 before the first."""
+        taken_at = self._taken_at
+        return 0.0 if taken_at is None else self._now() - taken_at
 
     @property
     def over(self) -> str | None:
@@ -238,6 +261,7 @@ class Correspondence:
     def _time_s(self, now: float) -> float:
         if self._began_at is None:
             return self._earlier_s
+        now = now if self._paused_at is None else self._paused_at
         return self._earlier_s + now - self._began_at - self._not_counted_s
 
     def _listen(self) -> None:
@@ -257,8 +281,17 @@ class Correspondence:
             message = from_robot(content)
             self._checks.admit(message)
             self._take(message)
-        except StreamError as error:
-            self.send(refusal_of(message, str(error), now_s=self.now_s))
+        except HgsError as error:
+            self._refuse(message, str(error))
+        except Exception as error:
+            # What a robot sends must not end the thread that hears it.
+            log.exception("a robot's message could not be taken in")
+            self._refuse(message, f"it could not be taken in: {error!r}"[:_REASON_LENGTH])
+
+    def _refuse(self, message: FromRobot | None, reason: str) -> None:
+        if isinstance(message, Hello):
+            self._checks = MessageChecks()  # whoever it is, nothing more is heard before another hello
+        self.send(refusal_of(message, reason, now_s=self.now_s))
 
     def _take(self, message: FromRobot) -> None:
         with self._changed:
@@ -288,10 +321,11 @@ class Correspondence:
                 "this is another robot than the mission began with: its camera or its drive differs. "
                 "Start a mission of its own for it"
             )
+        cameras = RobotCameras.of(hello)
+        localiser = self._localiser_from(self._located or _camera_of(hello))
         with self._changed:
             self._hello, self._frame = hello, None
-            self._cameras = RobotCameras.of(hello)
-            self._localiser = self._localiser_from(self._located or _camera_of(hello))
+            self._cameras, self._localiser = cameras, localiser
             self._reports.clear()
             if hello.report is not None:
                 self._reports.append(hello.report)
@@ -315,10 +349,12 @@ class Correspondence:
         assert self._cameras is not None
         try:
             live = self._unpacked(frame, self._cameras)
-        except StreamError as error:
-            self.answer(frame.sequence, "refused", str(error))
+        except HgsError as error:
+            self._refused = str(error)
+            self.answer(frame.sequence, "refused", self._refused)
             return
         with self._changed:
+            self._refused = None
             overtaken, self._frame = self._frame, live
             self._frame_at = self._now()
             if overtaken is not None:
@@ -373,7 +409,8 @@ class Correspondence:
             self._on_beat()
 
     def state(self) -> dict[str, Any]:
-        return {"time_s": self.time_s}
+        located = self._located
+        return {"time_s": self.time_s, "located": None if located is None else located.as_matrix()}
 
 
 def _camera_of(hello: Hello) -> SE3:

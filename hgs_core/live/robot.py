@@ -29,20 +29,25 @@ class LiveRobot:
     that it obeys, strays from it, or comes back after a silence; a notice says so.
     """
 
-    def __init__(self, correspondence: Correspondence, vehicle: Vehicle, config: LiveConfig) -> None:
+    def __init__(
+        self, correspondence: Correspondence, vehicle: Vehicle, config: LiveConfig, first: Report
+    ) -> None:
+        """`first`: what it said of itself when the mission began."""
         self._correspondence = correspondence
         self._vehicle = vehicle
         self._config = config
         self._lock = threading.RLock()
         self._command = 0
         self._path = Path.empty()
+        self._moving = 0
+        """The newest command that moves the robot or lets it stand."""
         self._following: int | None = None
         """The command whose path it is on its way along."""
         self._told_at_s: float | None = None
         """When that was sent, as long as it has not said that it obeys."""
         self._limit_mps: float | None = None
         self._seen: Report | None = None
-        self._known = _Travelled()
+        self._known = _Travelled(first)
 
     @property
     def state(self) -> RobotState:
@@ -50,7 +55,7 @@ class LiveRobot:
         if report is None:
             raise RobotError("the robot has not said where it is")
         with self._lock:
-            path_m, collisions = self._known.totals(report)
+            path_m, collisions = self._known.totals()
         return RobotState(
             x_m=report.x_m,
             y_m=report.y_m,
@@ -67,13 +72,13 @@ class LiveRobot:
             seen = self._seen
             if self._following is None:
                 return True
-            return seen is not None and seen.command == self._following and seen.arrived
+            return seen is not None and self._is_on_path(seen) and seen.arrived
 
     @property
     def waypoints_passed(self) -> int:
         with self._lock:
             seen = self._seen
-            if seen is None or self._following is None or seen.command != self._following:
+            if seen is None or not self._is_on_path(seen):
                 return 0
             return min(seen.waypoints_passed, len(self._path.yaws_rad))
 
@@ -81,7 +86,7 @@ class LiveRobot:
     def standing_in_s(self) -> float:
         report = self._correspondence.report
         with self._lock:
-            stands = report is not None and report.standing and report.command >= self._command
+            stands = report is not None and report.standing and report.command >= self._moving
         return 0.0 if stands else self._config.stand_s
 
     def follow(self, path: Path) -> None:
@@ -91,7 +96,8 @@ class LiveRobot:
                 self._following = None
                 return
             timed = self._vehicle.timed(path, self.state.yaw_rad)
-            self._following, self._told_at_s = self._next_command(), self._correspondence.now_s
+            self._following = self._moving = self._next_command()
+            self._told_at_s = self._correspondence.now_s
             self._correspondence.send(
                 FollowPath(
                     now_s=self._correspondence.now_s,
@@ -131,21 +137,26 @@ class LiveRobot:
             self._seen = report
 
     def on_hello(self, _: Hello) -> None:
-        """It is back: it stands, and knows nothing of what it was told."""
+        """It is back: whatever it was on its way to, it is to stand, and told anew what holds."""
         with self._lock:
-            self._following = self._told_at_s = self._seen = None
+            self._seen = None
+            self._stop("it is back: its path is planned anew")
             if self._limit_mps is not None:
                 self.limit_speed(self._limit_mps)
 
     def on_report(self, report: Report) -> None:
         with self._lock:
             self._known.take(report)
-            if self._following is None or report.command != self._following:
+            following = self._following
+            if following is None:
                 return
-            self._told_at_s = None
+            if report.command == following:
+                self._told_at_s = None
+            if not self._is_on_path(report):
+                return
             astray_m = _distance_m(report, self._path)
         if astray_m > self._config.off_path_m:
-            self._give_up(f"the robot is {astray_m:.2f} m off its path")
+            self._give_up(following, f"the robot is {astray_m:.2f} m off its path")
 
     def on_ack(self, ack: Ack) -> None:
         with self._lock:
@@ -153,14 +164,20 @@ class LiveRobot:
                 return
             self._told_at_s = None
         if not ack.accepted:
-            self._give_up(f"the robot refuses the path: {ack.reason}")
+            self._give_up(ack.command, f"the robot refuses the path: {ack.reason}")
 
     def on_beat(self) -> None:
-        """Time has passed: was the newest path obeyed?"""
+        """Time has passed: was the newest path obeyed, and does anybody look where it leads?"""
         with self._lock:
-            told_at = self._told_at_s
+            following, told_at = self._following, self._told_at_s
+        if following is None:
+            return
         if told_at is not None and self._correspondence.now_s - told_at > self._config.command_s:
-            self._give_up(f"the robot has not taken its path up within {self._config.command_s:g} s")
+            self._give_up(
+                following, f"the robot has not taken its path up within {self._config.command_s:g} s"
+            )
+        elif self._correspondence.blind_s > self._config.frame_s:
+            self._give_up(following, f"no frame has been looked at for {self._config.frame_s:g} s")
 
     def state_to_keep(self) -> dict[str, Any]:
         with self._lock:
@@ -169,19 +186,32 @@ class LiveRobot:
     def restore(self, state: dict[str, Any]) -> None:
         """In another process: the robot is where it says; its counters go on."""
         with self._lock:
-            self._command = int(state["command"])
+            self._command = self._moving = int(state["command"])
             self._known.restore(state["known"])
         self.limit_speed(state["limit_mps"])
 
-    def _give_up(self, why: str) -> None:
-        self._stop(why)
+    def _is_on_path(self, report: Report) -> bool:
+        """Whether it tells of the path that is under way: what comes after a path and is neither path nor
+        stop, a limit of speed, leaves it under way."""
+        following = self._following
+        if following is None or report.command < following:
+            return False
+        return report.command == following or self._told_at_s is None
+
+    def _give_up(self, command: int, why: str) -> None:
+        """Stop the robot, unless it has been told something else meanwhile."""
+        with self._lock:
+            if self._following != command:
+                return
+            self._stop(why)
         self._correspondence.notice(f"{why}: another is made")
 
     def _stop(self, reason: str) -> None:
         with self._lock:
             self._following = self._told_at_s = None
+            self._moving = self._next_command()
             self._correspondence.send(
-                Stop(now_s=self._correspondence.now_s, command=self._next_command(), reason=reason)
+                Stop(now_s=self._correspondence.now_s, command=self._moving, reason=reason)
             )
 
     def _next_command(self) -> int:
@@ -190,11 +220,12 @@ class LiveRobot:
 
 
 class _Travelled:
-    """Path and contacts over all lives of a robot's program, which may count from 0 again."""
+    """Path and contacts since the mission began, over all lives of a robot's program, which may count from 0
+    again."""
 
-    def __init__(self) -> None:
-        self._before = (0.0, 0)
-        self._newest = (0.0, 0)
+    def __init__(self, first: Report) -> None:
+        self._newest = (first.path_length_m, first.collisions)
+        self._before = (-first.path_length_m, -first.collisions)
 
     def take(self, report: Report) -> None:
         path_m, collisions = self._newest
@@ -202,7 +233,7 @@ class _Travelled:
             self._before = (self._before[0] + path_m, self._before[1] + collisions)
         self._newest = (report.path_length_m, report.collisions)
 
-    def totals(self, _: Report) -> tuple[float, int]:
+    def totals(self) -> tuple[float, int]:
         return self._before[0] + self._newest[0], self._before[1] + self._newest[1]
 
     def state(self) -> dict[str, Any]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from hgs_core.errors import CheckpointError, SensorError
+from hgs_core.errors import SensorError
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.config import LiveConfig
@@ -17,6 +17,8 @@ from hgs_core.live.robot import CarriedCamera, LiveRobot
 from hgs_core.robot.vehicle import Vehicle
 from hgs_core.scene.sources.live import LIVE
 from hgs_core.sensing.frame import Frame, Scan
+
+_FRAME_S: Final = 1.0
 
 
 class LiveWorld:
@@ -29,8 +31,8 @@ class LiveWorld:
         self.name = f"{LIVE}: {hello.name}"
         self.robot: LiveRobot | CarriedCamera
         self.correspondence = correspondence
-        if hello.robot is not None:
-            self.robot = robot = LiveRobot(correspondence, vehicle, config)
+        if hello.robot is not None and hello.report is not None:
+            self.robot = robot = LiveRobot(correspondence, vehicle, config, hello.report)
             correspondence.listen_with(
                 on_hello=robot.on_hello,
                 on_report=robot.on_report,
@@ -41,6 +43,7 @@ class LiveWorld:
             self.robot = CarriedCamera(correspondence)
         self.region = _region(hello, config)
         self._latest: LiveFrame | None = None
+        self._is_answered = False
 
     @property
     def camera(self) -> LiveWorld:
@@ -68,8 +71,10 @@ class LiveWorld:
         )
 
     def mapped(self, frame: Frame) -> None:
-        """The frame is in the map: the robot is told."""
-        self.correspondence.answer(frame.sequence, "taken")
+        """The frame is in the map: the robot is told, once."""
+        if not self._is_answered:
+            self._is_answered = True
+            self.correspondence.answer(frame.sequence, "taken")
 
     @property
     def over(self) -> str | None:
@@ -94,17 +99,19 @@ class LiveWorld:
         return {"correspondence": self.correspondence.state(), "robot": self.robot.state_to_keep()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        try:
-            self.correspondence.go_on_from(float(state["correspondence"]["time_s"]))
-            self.robot.restore(state["robot"])
-        except KeyError as error:
-            raise CheckpointError(f"the checkpoint is not of a mission with a live robot: {error}") from error
+        """What a robot counts; the correspondence began with its part of the state."""
+        self.robot.restore(state["robot"])
 
     def _take_next(self) -> None:
-        taken = self.correspondence.take_frame()
+        correspondence = self.correspondence
+        # There is one, unless the robot came back or left this very moment.
+        correspondence.wait_for_news(
+            _FRAME_S, lambda: correspondence.has_frame or correspondence.over is not None
+        )
+        taken = correspondence.take_frame()
         if taken is None:
             return
-        self._latest = taken
+        self._latest, self._is_answered = taken, False
         if isinstance(self.robot, LiveRobot):
             self.robot.has_seen(taken.report)
         else:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from hgs_core.errors import CheckpointError, ConfigError, RobotError
+from hgs_core.geometry.se3 import SE3
 from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.correspondence import Correspondence
 from hgs_core.live.link import Link
@@ -50,7 +52,7 @@ def meet_robot(
     link: Link,
     config: MissionConfig,
     *,
-    known: bool,
+    earlier: dict[str, Any] | None,
     orders: OrdersBefore,
     say: Callable[[str], None],
     notice: Callable[[float, str], None],
@@ -58,19 +60,21 @@ def meet_robot(
     """Wait until a robot says hello and sends a frame; the settings with its camera and its drive in them,
     and its world.
 
-    `known`: the settings are of a mission that goes on, and the robot must be the same. Raises `RobotError`
-    when the mission is stopped before, `Suspended` when it is suspended, and `CheckpointError` for another
-    robot.
+    `earlier`: the state of the world of a mission that goes on, whose robot must be the same. Raises
+    `RobotError` when the mission is stopped before, `Suspended` when it is suspended, `CheckpointError` for
+    another robot, and `ConfigError` for a localisation that cannot be.
     """
+    build_localiser(config.localisation, start=SE3.identity())  # raises here what it needs and does not find
     correspondence = Correspondence(
         link,
         config.live,
         localiser_from=lambda start: build_localiser(config.localisation, start=start),
+        earlier=None if earlier is None else earlier["correspondence"],
         notice=notice,
     )
     correspondence.begin()
     try:
-        return _met(correspondence, config, known=known, orders=orders, say=say)
+        return _met(correspondence, config, known=earlier is not None, orders=orders, say=say)
     except BaseException:
         correspondence.close()
         raise

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Final
 
 from hgs_core.live.correspondence import Correspondence
@@ -33,13 +32,8 @@ class LiveClock:
     def stopped(self) -> AbstractContextManager[None]:
         return nullcontext()
 
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        began = time.monotonic()
-        try:
-            yield
-        finally:
-            self._correspondence.not_counted(time.monotonic() - began)
+    def paused(self) -> AbstractContextManager[None]:
+        return self._correspondence.paused()
 
     @property
     def time_left(self) -> Callable[[], bool] | None:

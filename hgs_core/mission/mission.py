@@ -114,7 +114,8 @@ class Mission:
             self._wait_until_possible()
             if self._operator.suspend_requested and not self._operator.stop_requested:
                 return self.record
-            if self._operator.stop_requested and self._pilot.should_end():
+            no_more = self._operator.stop_requested or self._why_over() is not None
+            if no_more and self._pilot.should_end():
                 continue
             self.step()
             if self._pilot.ended is None:

@@ -103,13 +103,17 @@ class _Run:
             live = None
             if self._link is not None:
                 orders = commands = OrdersBefore(commands)
-                live = self._meet(self._link, orders, known=checkpoint is not None, held=held)
+                live = self._meet(self._link, orders, checkpoint=checkpoint, held=held)
                 if live is None:
                     return None
             parts = self._build(commands, checkpoint, live)
             keeper = self._keeper(parts)
             try:
-                record = _explored(parts, keeper)
+                try:
+                    record = _explored(parts, keeper)
+                finally:
+                    if live is not None:
+                        live.robot.stop()  # whatever takes its time now, nobody looks where it drives
                 if record.stop_reason is None:
                     self._suspend(parts, keeper)
                     return None
@@ -121,7 +125,9 @@ class _Run:
         self._folder.complete()
         return report
 
-    def _meet(self, link: Link, orders: OrdersBefore, *, known: bool, held: ExitStack) -> LiveWorld | None:
+    def _meet(
+        self, link: Link, orders: OrdersBefore, *, checkpoint: Checkpoint | None, held: ExitStack
+    ) -> LiveWorld | None:
         """The robot's world, once it has said hello; None where the mission was suspended before. What the
         robot carries and how it drives takes the place of the preset's. `held` lets the robot go."""
         log = self._log
@@ -136,7 +142,7 @@ class _Run:
             self._config, world = meet_robot(
                 link,
                 self._config,
-                known=known,
+                earlier=None if checkpoint is None else checkpoint.state["parts"]["world"],
                 orders=orders,
                 say=say,
                 notice=notice,

@@ -166,7 +166,7 @@ def test_only_robots_and_operators_get_in(service, api, secrets) -> None:
         assert refused.value.response.status_code == status
     with connected(service, mission, secrets["robot"]) as websocket:
         code, reason = closing_code(websocket)
-        assert (code, "live" in reason) == (4410, True)
+        assert (code, "live" in reason) == (4411, True)
     with connected(service, "20200101-000000-0123456789ab", secrets["robot"]) as websocket:
         assert closing_code(websocket)[0] == 4404
     robot = {"Authorization": f"Bearer {secrets['robot']}"}

@@ -58,7 +58,12 @@ class Line:
 class Call:
     """A robot that has said hello, with everything in the test's hand."""
 
-    def __init__(self, hello: Hello = HELLO, localisation: LocalisationConfig = GivenConfig()) -> None:
+    def __init__(
+        self,
+        hello: Hello = HELLO,
+        localisation: LocalisationConfig = GivenConfig(),
+        earlier: dict | None = None,
+    ) -> None:
         self.line = Line()
         self.now = 100.0
         self.notices: list[str] = []
@@ -66,6 +71,7 @@ class Call:
             self.line,
             CONFIG,
             localiser_from=lambda start: build_localiser(localisation, start=start),
+            earlier=earlier,
             notice=lambda _, message: self.notices.append(message),
             now=lambda: self.now,
         )
@@ -211,9 +217,10 @@ def test_frames_are_answered(call: Call) -> None:
 def test_a_mission_that_goes_on_counts_on(call: Call) -> None:
     call.robot.follow(AWAY)
     call.report(time_s=2.0, path_length_m=4.0)
+    call.look(1, time_s=2.0)
     call.now += 7.0
     kept = call.world.state()
-    later = Call()
+    later = Call(earlier=kept["correspondence"])
     later.world.restore(kept)
     assert later.robot.state.timestamp_s == pytest.approx(7.0)
     later.report(time_s=1.0, path_length_m=1.0)
@@ -221,6 +228,7 @@ def test_a_mission_that_goes_on_counts_on(call: Call) -> None:
     later.robot.follow(AWAY)
     assert later.told(FollowPath)[0].command > call.told(FollowPath)[0].command
     assert isinstance(later.correspondence.report, Report)
+    assert later.correspondence.state()["located"] is not None
 
 
 def test_a_lens_is_undone_and_another_depth_camera_aligned(call: Call) -> None:
@@ -277,3 +285,60 @@ def test_a_lidar_tells_where_frames_were_taken() -> None:
     call.world.scan()
     moved = call.world.capture().T_world_camera.translation
     np.testing.assert_allclose(moved, [0.4, 0.0, hello.camera.mount_height_m], atol=0.03)
+
+
+def test_a_new_limit_of_speed_leaves_the_path_under_way(call: Call) -> None:
+    """The robot then reports the limit's number; what it says of its path still counts."""
+    call.robot.follow(AWAY)
+    (path,) = call.told(FollowPath)
+    call.say(Ack(command=path.command, accepted=True))
+    call.robot.limit_speed(0.5)
+    newest = call.told(LimitSpeed)[0].command
+    call.report(time_s=2.0, x_m=2.0, command=newest, waypoints_passed=1, arrived=False, standing=False)
+    call.look(1, time_s=2.0)
+    assert (call.robot.arrived, call.robot.waypoints_passed) == (False, 1)
+    call.report(time_s=3.0, x_m=3.0, command=newest, waypoints_passed=2, arrived=True)
+    call.look(2, time_s=3.0)
+    assert call.robot.arrived
+    assert call.robot.standing_in_s == 0.0
+
+
+def test_nobody_drives_where_nobody_looks(call: Call) -> None:
+    call.look(1, time_s=1.0)
+    call.robot.follow(AWAY)
+    call.report(time_s=2.0, command=1, arrived=False, standing=False)
+    call.now += CONFIG.frame_s + 0.1
+    call.robot.on_beat()
+    assert call.robot.arrived
+    assert "no frame has been looked at" in call.notices[0]
+
+
+def test_mission_time_stands_still_in_a_pause(call: Call) -> None:
+    call.now += 5.0
+    with call.correspondence.paused():
+        call.now += 60.0
+        assert call.correspondence.time_s == pytest.approx(5.0)
+    call.now += 1.0
+    assert call.correspondence.time_s == pytest.approx(6.0)
+
+
+def test_what_it_drove_before_the_mission_does_not_count() -> None:
+    call = Call(changed(HELLO, report=changed(REPORT, path_length_m=30.0, collisions=2)))
+    call.report(time_s=2.0, path_length_m=31.0, collisions=2)
+    assert (call.robot.state.path_length_m, call.robot.state.collisions) == (1.0, 0)
+
+
+def test_one_whose_hello_is_refused_is_not_listened_to(call: Call) -> None:
+    call.say(changed(HELLO, robot={"drive": "differential"}))
+    call.report(time_s=9.0, x_m=50.0)
+    assert call.robot.state.x_m == 1.0
+    assert "first message" in call.told(Refusal)[-1].reason
+
+
+def test_a_refused_frame_is_named_when_none_comes(call: Call) -> None:
+    call.look(1, time_s=1.0)
+    call.say(frame(sequence=2, time_s=2.0, pose=None))
+    for time_s in (3.0, 4.0, 5.0):
+        call.now += 1.5
+        call.report(time_s=time_s)
+    assert "has no pose" in str(call.world.why_wait())

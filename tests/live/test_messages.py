@@ -166,7 +166,7 @@ def changed(message, **changes):
         (changed(HELLO, report=changed(REPORT, x_m=math.nan)), "finite"),
         (changed(HELLO, camera=facts(fx=0.0)), "focal"),
         (changed(HELLO, camera=facts(width=MAX_PIXELS, height=2)), "pixels"),
-        (changed(HELLO, camera=facts(range_m=math.inf)), "finite"),
+        (changed(HELLO, camera=facts(range_m=math.inf)), "at most 200"),
         (changed(HELLO, region_m=[[0, 0, 0], [1, 1, 0]]), "above 0"),
         (changed(HELLO, region_m=[[0, 0, 0], [900, 1, 1]]), "at most"),
     ],
