@@ -1,7 +1,6 @@
 """A robot of your own: python own_robot.py ws://127.0.0.1:8000/api/v1/ingest/MISSION [TOKEN]
 
-MISSION has the scene "live", and was started. Put your robot in the place of `room_robot.Robot`.
-Needs: pip install websockets msgspec numpy pillow
+MISSION (scene "live") was started; `room_robot.Robot` is your robot. Needs websockets msgspec numpy pillow.
 """
 
 import io
