@@ -24,6 +24,7 @@ class ExitCode(IntEnum):
 
 _OF_STOP_REASON: Final = {
     StopReason.COMPLETE: ExitCode.COMPLETE,
+    StopReason.STREAM_ENDED: ExitCode.COMPLETE,
     StopReason.TIME_LIMIT: ExitCode.UNFINISHED,
     StopReason.STUCK: ExitCode.UNFINISHED,
     StopReason.PATH_BUDGET: ExitCode.UNFINISHED,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -259,14 +260,15 @@ class _Program:
 
 
 async def until_over(client: RobotClient) -> Outcome:
-    """Ctrl-C lets the robot stand and leave."""
+    """Ctrl-C, which the main thread alone hears of, lets the robot stand and leave."""
     loop = asyncio.get_running_loop()
-    for number in _SIGNALS:
+    heard = _SIGNALS if threading.current_thread() is threading.main_thread() else ()
+    for number in heard:
         loop.add_signal_handler(number, client.interrupt)
     try:
         return await client.run()
     finally:
-        for number in _SIGNALS:
+        for number in heard:
             loop.remove_signal_handler(number)
 
 

@@ -90,11 +90,12 @@ def test_scenes_are_the_built_in_ones_and_the_meshes_of_the_folder(service, tmp_
     scan.rename(scenes / scan.name)
     client = service("run_short", scenes_dir=scenes)
     found = {scene["name"]: scene for scene in client.get("/api/v1/scenes").json()}
-    assert list(found) == ["house", "building", "warren", "00800-TEEsavR23oF", "flat.glb"]
+    assert list(found) == ["house", "building", "warren", "live", "00800-TEEsavR23oF", "flat.glb"]
     assert [scene["kind"] for scene in found.values()] == [
         "built-in",
         "built-in",
         "built-in",
+        "named",
         "folder",
         "file",
     ]

@@ -7,6 +7,7 @@ from PIL import Image
 
 from hgs_core.errors import SceneError
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
+from hgs_core.scene.built_in import BUILT_IN_SCENES
 from hgs_core.scene.options import SceneOptions, StartOptions
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.registry import scene_names
@@ -252,8 +253,10 @@ def test_a_start_that_cannot_be_used_is_replaced_and_stated(tmp_path, text, word
 
 
 def test_built_in_names():
-    assert list(scene_names()) == ["house", "building", "warren"]
-    for name in scene_names():
+    assert list(scene_names()) == ["house", "building", "warren", "live"]
+    with pytest.raises(SceneError, match="where a robot really is"):
+        open_scene("live")
+    for name in BUILT_IN_SCENES:
         with pytest.raises(SceneError, match=f"expected {name} or {name}:SEED"):
             open_scene(f"{name}:blue")
 

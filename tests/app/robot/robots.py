@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 
@@ -132,3 +133,9 @@ def running(
         if robot.outcome is None and robot.error is None:
             robot.interrupt()
         robot.join()
+
+
+def in_a_thread(call, *arguments):
+    """What `call` returns or raises: a browser test of the same process leaves an event loop in this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(call, *arguments).result()

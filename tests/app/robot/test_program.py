@@ -25,6 +25,7 @@ from hgs_core.evaluation.report import MissionReport
 from hgs_core.evaluation.trajectory import read_trajectory
 from hgs_core.simulation.driven_world import BodyFaults
 from tests.app.live_service import LiveService, serving
+from tests.app.robot.robots import in_a_thread
 from tests.mission.small_room import TINY, write_small_room
 
 SETTINGS = {
@@ -64,8 +65,10 @@ def test_a_shortened_mission_with_everything_wrong_with_the_robot(service, tmp_p
         "body_faults": BodyFaults(wheel_slip=0.1, drift_percent=1.0, drift_deg_per_m=0.3, depth_holes=0.1),
         "link_faults": LinkFaults(latency_s=0.05, drop_frames=0.1),
     }
-    run = run_robot(
-        options(service, tmp_path, clock_offset_s=500.0, depth_format="zstd", **faults), said.append
+    run = in_a_thread(
+        run_robot,
+        options(service, tmp_path, clock_offset_s=500.0, depth_format="zstd", **faults),
+        said.append,
     )
     assert run.outcome is Outcome.ENDED, said
     assert run.report.stop_reason in ("time_limit", "complete"), said
@@ -90,21 +93,24 @@ def test_a_mission_that_waits_for_its_robot_and_is_stopped_by_its_operator(servi
     mission = api.post("/missions", json=order).raise_for_status().json()["id"]
     api.post(f"/missions/{mission}/stop").raise_for_status()
     with pytest.raises(RobotError, match="takes no robot: the mission is aborted"):
-        run_robot(options(service, tmp_path, mission=mission), lambda _: None)
+        in_a_thread(run_robot, options(service, tmp_path, mission=mission), lambda _: None)
     assert not (tmp_path / "out").exists()
 
 
 def test_what_is_wrong_is_told_before_anything_is_made(service, tmp_path) -> None:
     before = httpx.get(f"{service.url}api/v1/missions").json()["missions"]
     with pytest.raises(ConfigError, match="no sensor preset 'none'"):
-        run_robot(
+        in_a_thread(
+            run_robot,
             RobotOptions(server=service.url, out=tmp_path / "out", scene="house", sensor="none"),
             lambda _: None,
         )
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "file").touch()
     with pytest.raises(ConfigError, match="exists already"):
-        run_robot(RobotOptions(server=service.url, out=tmp_path / "full", scene="house"), lambda _: None)
+        in_a_thread(
+            run_robot, RobotOptions(server=service.url, out=tmp_path / "full", scene="house"), lambda _: None
+        )
     assert httpx.get(f"{service.url}api/v1/missions").json()["missions"] == before
 
 
@@ -161,6 +167,6 @@ def test_a_service_that_is_away_is_waited_for(tmp_path) -> None:
         preset="quick",
         give_up_after_s=0.5,
     )
-    run = run_robot(wish, said.append)
+    run = in_a_thread(run_robot, wish, said.append)
     assert run.outcome is Outcome.GIVEN_UP
     assert any("not there yet" in line for line in said)

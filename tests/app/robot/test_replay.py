@@ -16,6 +16,7 @@ from hgs_core.live.messages import Bye, Frame, Hello
 from hgs_core.live.poses import pose_of
 from hgs_core.sensing.recording import open_recording
 from tests.app.robot.fake_service import FakeService
+from tests.app.robot.robots import in_a_thread
 
 N_FRAMES = 6
 
@@ -73,7 +74,7 @@ def test_all_of_it_arrives_as_it_was_recorded(recording, service) -> None:
     options = ReplayOptions(
         source=recording, server="http://service", speed=50.0, every_frame=True, settings={"threads": "1"}
     )
-    run = run_replay(options, said.append)
+    run = in_a_thread(run_replay, options, said.append)
     assert run.outcome is Outcome.ENDED
     assert (run.n_frames, run.skipped, run.link.sent) == (N_FRAMES, 0, N_FRAMES)
     assert service.ordered == ("best", 0, {"threads": "1"})
