@@ -49,6 +49,9 @@ class RgbdOdometryConfig(LocalisationConfig):
     """Largest root mean square difference of the depths that agree [m]."""
     keyframe_overlap: float = Field(0.75, gt=0, le=1)
     """A frame that overlaps the keyframe less than this becomes the next one."""
+    keyframe_distance_m: float = Field(0.25, gt=0)
+    """A frame farther from the keyframe [m] becomes the next one, too: where a camera drives straight ahead,
+    all of the image overlaps, and less and less of it agrees."""
     search_turns_deg: tuple[float, ...] = (4, -4, 8, -8, 12, -12, 16, -16, 20, -20, 24, -24)
     """Turns about the vertical that the robot may have made since the last frame: tried beside steady motion
     and standing still, those first whose depths agree best."""
@@ -126,13 +129,23 @@ class RgbdOdometry:
             if alignment.wrong is None:
                 step = self._last.pose.inverse() @ alignment.T_world_camera
                 self._twist_per_s = step.log() / passed_s
-                if alignment.agreement.overlap >= self._config.keyframe_overlap:
+                if self._is_near(alignment):
                     self._last = StampedPose(pose=alignment.T_world_camera, timestamp_s=frame.timestamp_s)
                     return Located(T_world_camera=alignment.T_world_camera)
                 return self._settle(frame, view, alignment.T_world_camera)
             reasons.append(alignment.wrong)
         self._twist_per_s = np.zeros(6)
         return Lost(reason=f"frame {frame.sequence} fits nowhere near the last one: {reasons[0]}")
+
+    def _is_near(self, alignment: _Alignment) -> bool:
+        """Whether the keyframe will do for the next frame, too."""
+        if self._keyframe is None:
+            return False
+        apart = alignment.T_world_camera.translation - self._keyframe.T_world_camera.translation
+        return (
+            alignment.agreement.overlap >= self._config.keyframe_overlap
+            and float(np.linalg.norm(apart)) < self._config.keyframe_distance_m
+        )
 
     def _settle(self, frame: AlignedFrame, view: _View, pose: SE3) -> Located:
         """Take the frame as the next keyframe."""
