@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +26,12 @@ _ARRAY: Final = "array"
 _SLICE_BYTES: Final = 16 * 2**20
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)
 """Of every part: equal states make equal files."""
+_DAMAGE: Final = (
+    *(OSError, EOFError, KeyError, ValueError),
+    *(zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError),
+)
+"""What the archive's reader raises for bytes that are not those that were written; RuntimeError where they
+claim to be encrypted."""
 
 
 class StateWriter:
@@ -71,7 +78,7 @@ def read_state(path: Path) -> dict[str, Any]:
         with zipfile.ZipFile(path) as archive:
             plain = json.loads(archive.read(_PLAIN))
             state = _restored(plain, lambda number: _array(archive.read(f"{number}.npy")))
-    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, NotImplementedError) as error:
+    except _DAMAGE as error:
         raise CheckpointError(f"{path} is torn or damaged: {error}") from error
     if not isinstance(state, dict):
         raise CheckpointError(f"{path} holds no state")
@@ -83,7 +90,7 @@ def read_part(path: Path, name: str) -> bytes:
     try:
         with zipfile.ZipFile(path) as archive:
             return archive.read(name)
-    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, NotImplementedError) as error:
+    except _DAMAGE as error:
         raise CheckpointError(f"{path} is torn or damaged: {error}") from error
 
 

@@ -83,3 +83,20 @@ def test_what_cannot_be_saved_is_refused_with_its_place(tmp_path: Path, value: o
         with pytest.raises(CheckpointError, match=r"state\.planner"):
             writer.write({"planner": value})
         writer.abandon()
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_whatever_bytes_are_changed_it_is_read_or_refused(tmp_path: Path, compressed: bool) -> None:
+    """A compressed part may no longer unpack, or claim to be encrypted: damage like any other."""
+    whole = written(tmp_path / "whole", STATE, compressed=compressed).read_bytes()
+    damaged, rng, refused = tmp_path / "damaged", np.random.default_rng(0), 0
+    for _ in range(300):
+        changed = bytearray(whole)
+        for place in rng.integers(0, len(whole), 3):
+            changed[place] ^= int(rng.integers(1, 256))
+        damaged.write_bytes(changed)
+        try:
+            read_state(damaged)
+        except CheckpointError:
+            refused += 1
+    assert refused > 150
