@@ -13,6 +13,7 @@ from app.robot.onboard import Link
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.images import encoded_colour, encoded_depth
 from hgs_core.live.messages import Frame, ScanPart
+from hgs_core.live.poses import numbers_of
 from hgs_core.sensing.frame import Scan
 from hgs_core.simulation.driven_robot import TICK_S
 from hgs_core.simulation.driven_world import DrivenWorld, Sighting
@@ -96,7 +97,7 @@ class CameraLoop:
         message = Frame(
             sequence=seen.sequence,
             time_s=self._clock.told_s(seen.timestamp_s),
-            pose=seen.T_world_camera.as_matrix().reshape(16).tolist(),
+            pose=numbers_of(seen.T_world_camera),
             colour=encoded_colour(seen.rgb),
             depth=encoded_depth(seen.depth_m, depth_format=self._depth_format),
             depth_format="zstd" if self._depth_format == "zstd" else "png",

@@ -30,6 +30,7 @@ from hgs_core.evaluation.trajectory import Trajectory, read_trajectory, write_tr
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.images import encoded_colour, encoded_depth
 from hgs_core.live.messages import PROTOCOL, CameraFacts, Frame, Hello, ScanPart
+from hgs_core.live.poses import numbers_of
 from hgs_core.scene.scene import Scene
 from hgs_core.sensing.depth_camera import DepthCameraConfig, with_uniform_noise
 from hgs_core.sensing.frame import Scan
@@ -205,7 +206,7 @@ class FrameRecording:
         return Frame(
             sequence=index,
             time_s=time_s,
-            pose=self.path.poses[index].as_matrix().reshape(16).tolist(),
+            pose=numbers_of(self.path.poses[index]),
             colour=colour,
             depth=depth,
             depth_format=self.facts.depth_format,

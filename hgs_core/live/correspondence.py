@@ -6,20 +6,16 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from typing import Any, Final, Literal
 
 import numpy as np
 
 from hgs_core.errors import HgsError, StreamError
-from hgs_core.geometry.camera import level_camera_pose
 from hgs_core.geometry.se3 import SE3
-from hgs_core.live.cameras import RobotCameras
 from hgs_core.live.checks import MessageChecks, refusal_of
 from hgs_core.live.config import LiveConfig
-from hgs_core.live.images import decoded_colour, decoded_depth
+from hgs_core.live.frame_reader import FrameReader, LiveFrame
 from hgs_core.live.link import Link
 from hgs_core.live.messages import (
     PROTOCOL,
@@ -37,12 +33,8 @@ from hgs_core.live.messages import (
     encoded,
     from_robot,
 )
-from hgs_core.live.poses import pose_of
-from hgs_core.localisation.localiser import Localiser, Lost
-from hgs_core.sensing import frame as sensing
-from hgs_core.sensing.point_scan import PointScan
-from hgs_core.sensing.raw_frame import RawFrame
-from hgs_core.sensing.rectifier import Rectifier
+from hgs_core.live.mission_time import MissionTime
+from hgs_core.localisation.localiser import Localiser
 
 log = logging.getLogger(__name__)
 
@@ -52,18 +44,6 @@ _BEAT_S: Final = 0.5
 _LISTEN_S: Final = 0.1
 _REPORTS_KEPT: Final = 200
 _REASON_LENGTH: Final = 300
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LiveFrame:
-    """A frame that has come, unpacked, with the scan and the report of its moment."""
-
-    frame: sensing.Frame
-    scan: sensing.Scan | None
-    report: Report | None
-    """The newest one that is not younger than the frame, by the robot's clock."""
-    sequence: int
-    """The robot's number."""
 
 
 class Correspondence:
@@ -90,15 +70,12 @@ class Correspondence:
         self._config = config
         self._notice = notice
         self._now = now
+        self.time = MissionTime(now, earlier_s=0.0 if earlier is None else float(earlier["time_s"]))
+        """Counted from the first hello."""
         self._changed = threading.Condition()
         self._checks = MessageChecks()
         self._hello: Hello | None = None
-        self._cameras: RobotCameras | None = None
-        self._rectifier = Rectifier()
-        self._localiser_from = localiser_from
-        self._localiser: Localiser | None = None
-        self._located: SE3 | None = None
-        """Where the newest frame was taken that was located."""
+        self._reader = FrameReader(localiser_from, located=None if earlier is None else earlier["located"])
         self._reports: deque[Report] = deque(maxlen=_REPORTS_KEPT)
         self._frame: LiveFrame | None = None
         self._n_dropped = 0
@@ -106,17 +83,9 @@ class Correspondence:
         self._frame_at: float | None = None
         self._over: str | None = None
         self._was_waited_for = False
-        self._began_at: float | None = None
-        self._paused_at: float | None = None
-        self._not_counted_s = 0.0
-        self._earlier_s = 0.0
         self._taken_at: float | None = None
         self._refused: str | None = None
         """Why the newest frame was not accepted, if it was not."""
-        if earlier is not None:
-            self._earlier_s = float(earlier["time_s"])
-            located = earlier["located"]
-            self._located = None if located is None else SE3.from_matrix(np.array(located))
         self._on_report: Callable[[Report], None] = lambda _: None
         self._on_ack: Callable[[Ack], None] = lambda _: None
         self._on_hello: Callable[[Hello], None] = lambda _: None
@@ -163,20 +132,7 @@ class Correspondence:
     @property
     def time_s(self) -> float:
         """Mission time [s]."""
-        with self._changed:
-            return self._time_s(self._now())
-
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """Mission time stands still inside."""
-        with self._changed:
-            began = self._paused_at = self._now()
-        try:
-            yield
-        finally:
-            with self._changed:
-                self._paused_at = None
-                self._not_counted_s += self._now() - began
+        return self.time.now_s
 
     @property
     def report(self) -> Report | None:
@@ -258,12 +214,6 @@ class Correspondence:
         """Say what became of a frame."""
         self.send(Answer(now_s=self.now_s, sequence=sequence, fate=fate, reason=reason))
 
-    def _time_s(self, now: float) -> float:
-        if self._began_at is None:
-            return self._earlier_s
-        now = now if self._paused_at is None else self._paused_at
-        return self._earlier_s + now - self._began_at - self._not_counted_s
-
     def _listen(self) -> None:
         while not self._closing.is_set():
             try:
@@ -301,7 +251,7 @@ class Correspondence:
         elif isinstance(message, Frame):
             self._take_in(message)
         elif isinstance(message, Cloud):
-            self._take_cloud(message)
+            self._reader.take_cloud(message)
         elif isinstance(message, Report):
             with self._changed:
                 self._reports.append(message)
@@ -321,16 +271,13 @@ class Correspondence:
                 "this is another robot than the mission began with: its camera or its drive differs. "
                 "Start a mission of its own for it"
             )
-        cameras = RobotCameras.of(hello)
-        localiser = self._localiser_from(self._located or _camera_of(hello))
+        self._reader.begin(hello)
+        self.time.begin()
         with self._changed:
             self._hello, self._frame = hello, None
-            self._cameras, self._localiser = cameras, localiser
             self._reports.clear()
             if hello.report is not None:
                 self._reports.append(hello.report)
-            if self._began_at is None:
-                self._began_at = self._now()
             self._changed.notify_all()
         self.send(
             Welcome(
@@ -346,9 +293,10 @@ class Correspondence:
             self._on_hello(hello)
 
     def _take_in(self, frame: Frame) -> None:
-        assert self._cameras is not None
+        with self._changed:
+            report = next((r for r in reversed(self._reports) if r.time_s <= frame.time_s), None)
         try:
-            live = self._unpacked(frame, self._cameras)
+            live = self._reader.read(frame, report, time_s=self.time_s)
         except HgsError as error:
             self._refused = str(error)
             self.answer(frame.sequence, "refused", self._refused)
@@ -361,47 +309,7 @@ class Correspondence:
                 self._n_dropped += 1
             self._changed.notify_all()
         if overtaken is not None:
-            self.answer(overtaken.sequence, "dropped")
-
-    def _unpacked(self, frame: Frame, cameras: RobotCameras) -> LiveFrame:
-        assert self._localiser is not None
-        with self._changed:
-            time_s = self._time_s(self._now())
-            report = next((r for r in reversed(self._reports) if r.time_s <= frame.time_s), None)
-        scan = None
-        if frame.scan is not None and frame.pose is not None:
-            ranges = np.frombuffer(frame.scan.ranges_m, "<f4").astype(np.float32)
-            scan = sensing.Scan(
-                origin_m=np.array(frame.scan.origin_m, dtype=np.float64),
-                bearings_rad=frame.scan.first_bearing_rad + np.arange(len(ranges)) * frame.scan.step_rad,
-                ranges_m=ranges,
-                timestamp_s=time_s,
-            )
-        given = None if frame.pose is None else pose_of(frame.pose, f"frame {frame.sequence}")
-        raw = RawFrame(
-            rgb=decoded_colour(frame, cameras.colour.intrinsics),
-            depth_m=decoded_depth(frame, cameras.depth.intrinsics),
-            colour_camera=cameras.colour,
-            depth_camera=cameras.depth,
-            T_colour_depth=cameras.T_colour_depth,
-            T_world_camera=given,
-            timestamp_s=frame.time_s,
-            sequence=frame.sequence,
-        )
-        aligned = self._rectifier.rectify(raw)
-        found = self._localiser.locate(aligned)
-        if isinstance(found, Lost):
-            raise StreamError(found.reason)
-        self._located = found.T_world_camera
-        seen = replace(aligned, timestamp_s=time_s).at(found.T_world_camera)
-        return LiveFrame(frame=seen, scan=scan, report=report, sequence=frame.sequence)
-
-    def _take_cloud(self, cloud: Cloud) -> None:
-        assert self._localiser is not None
-        points = np.frombuffer(cloud.points_m, "<f4").reshape(-1, 3).astype(np.float32)
-        self._localiser.take_scan(
-            PointScan(points_m=points, T_world_lidar=None, timestamp_s=cloud.time_s, sequence=cloud.sequence)
-        )
+            self.answer(overtaken.frame.sequence, "dropped")
 
     def _beat(self) -> None:
         while not self._closing.wait(_BEAT_S):
@@ -409,16 +317,8 @@ class Correspondence:
             self._on_beat()
 
     def state(self) -> dict[str, Any]:
-        located = self._located
+        located = self._reader.located
         return {"time_s": self.time_s, "located": None if located is None else located.as_matrix()}
-
-
-def _camera_of(hello: Hello) -> SE3:
-    """Where its camera is, as far as it says: above the robot, or else above the origin, looking along x."""
-    report, height_m = hello.report, hello.camera.mount_height_m
-    if report is None:
-        return level_camera_pose(0.0, 0.0, height_m, 0.0)
-    return level_camera_pose(report.x_m, report.y_m, height_m, report.yaw_rad)
 
 
 def _carries(hello: Hello) -> tuple[object, ...]:

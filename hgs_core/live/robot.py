@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from hgs_core.errors import RobotError
 from hgs_core.live.config import LiveConfig
 from hgs_core.live.correspondence import Correspondence
 from hgs_core.live.messages import Ack, FollowPath, Hello, LimitSpeed, Report, Stop
+from hgs_core.live.odometer import Odometer
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotState
 from hgs_core.robot.timed_path import TimedPath
@@ -47,7 +47,7 @@ class LiveRobot:
         """When that was sent, as long as it has not said that it obeys."""
         self._limit_mps: float | None = None
         self._seen: Report | None = None
-        self._known = _Travelled(first)
+        self._known = Odometer(first)
 
     @property
     def state(self) -> RobotState:
@@ -217,85 +217,6 @@ class LiveRobot:
     def _next_command(self) -> int:
         self._command += 1
         return self._command
-
-
-class _Travelled:
-    """Path and contacts since the mission began, over all lives of a robot's program, which may count from 0
-    again."""
-
-    def __init__(self, first: Report) -> None:
-        self._newest = (first.path_length_m, first.collisions)
-        self._before = (-first.path_length_m, -first.collisions)
-
-    def take(self, report: Report) -> None:
-        path_m, collisions = self._newest
-        if report.path_length_m < path_m - 1e-6 or report.collisions < collisions:
-            self._before = (self._before[0] + path_m, self._before[1] + collisions)
-        self._newest = (report.path_length_m, report.collisions)
-
-    def totals(self) -> tuple[float, int]:
-        return self._before[0] + self._newest[0], self._before[1] + self._newest[1]
-
-    def state(self) -> dict[str, Any]:
-        return {"before": list(self._before), "newest": list(self._newest)}
-
-    def restore(self, state: dict[str, Any]) -> None:
-        (path_m, collisions), (now_m, now_collisions) = state["before"], state["newest"]
-        self._before, self._newest = (path_m, collisions), (now_m, now_collisions)
-
-
-class CarriedCamera:
-    """Implements `Robot` for a camera that somebody carries, or a recording: it goes where it goes."""
-
-    def __init__(self, correspondence: Correspondence) -> None:
-        self._correspondence = correspondence
-        self._state = RobotState(
-            x_m=0.0, y_m=0.0, yaw_rad=0.0, timestamp_s=0.0, path_length_m=0.0, collisions=0
-        )
-        self._began = False
-
-    @property
-    def state(self) -> RobotState:
-        return replace(self._state, timestamp_s=self._correspondence.time_s)
-
-    @property
-    def arrived(self) -> bool:
-        """Never: nothing is to be planned for it."""
-        return False
-
-    @property
-    def waypoints_passed(self) -> int:
-        return 0
-
-    @property
-    def standing_in_s(self) -> float:
-        return 0.0
-
-    def follow(self, path: Path) -> None:
-        """Nobody obeys."""
-
-    def advance(self, duration_s: float) -> RobotState:
-        self._correspondence.wait_for_news(duration_s, lambda: False)
-        return self.state
-
-    def stop(self) -> None:
-        """Nobody obeys."""
-
-    def limit_speed(self, max_speed_mps: float | None) -> None:
-        """Nobody obeys."""
-
-    def has_moved(self, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """The camera of the newest frame is there."""
-        step = float(np.hypot(x_m - self._state.x_m, y_m - self._state.y_m)) if self._began else 0.0
-        self._began = True
-        path_m = self._state.path_length_m + step
-        self._state = replace(self._state, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, path_length_m=path_m)
-
-    def state_to_keep(self) -> dict[str, Any]:
-        return {"path_length_m": self._state.path_length_m}
-
-    def restore(self, state: dict[str, Any]) -> None:
-        self._state = replace(self._state, path_length_m=float(state["path_length_m"]))
 
 
 def _columns(timed: TimedPath) -> dict[str, list[float]]:

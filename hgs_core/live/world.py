@@ -10,10 +10,12 @@ import numpy as np
 from hgs_core.errors import SensorError
 from hgs_core.geometry.boxes import Box
 from hgs_core.geometry.se3 import SE3
+from hgs_core.live.carried_camera import CarriedCamera
 from hgs_core.live.config import LiveConfig
-from hgs_core.live.correspondence import Correspondence, LiveFrame
+from hgs_core.live.correspondence import Correspondence
+from hgs_core.live.frame_reader import LiveFrame
 from hgs_core.live.messages import End, Hello
-from hgs_core.live.robot import CarriedCamera, LiveRobot
+from hgs_core.live.robot import LiveRobot
 from hgs_core.robot.vehicle import Vehicle
 from hgs_core.scene.sources.live import LIVE
 from hgs_core.sensing.frame import Frame, Scan

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float32, Int32
 from numpy import ndarray
 
+from hgs_core.errors import MapError
 from hgs_core.gaussians.gaussian_map import BLOCK, LOGIT_OPACITY, GaussianMap
 from hgs_core.gaussians.information import accumulate_information
 from hgs_core.gaussians.render import render
@@ -69,12 +70,14 @@ class Mapper:
         region: Box | None,
         keyframe_folder: Path,
         rng: np.random.Generator,
+        correctable: bool = False,
     ) -> None:
+        """`correctable`: keep what `correct_poses` needs of the scans, 6 kB each."""
         self.config = config
         self.gaussians = GaussianMap(primitive=config.primitive)
         self.voxels = VoxelMap(voxel_config, region=region)
         self.keyframes = KeyframeStore(keyframe_folder, range_m=camera_range_m)
-        self._scans = ScanLog()
+        self._scans = ScanLog() if correctable else None
         self._camera_range_m = camera_range_m
         self._scanner_range_m = scanner_range_m
         self._rng = rng
@@ -89,8 +92,9 @@ class Mapper:
 
     def integrate_scan(self, scan: Scan) -> None:
         self.voxels.integrate_scan(scan, range_m=self._scanner_range_m)
-        # Before the first keyframe there is none yet: it will be the next frame.
-        self._scans.add(scan, anchor_keyframe=max(len(self.keyframes) - 1, 0))
+        if self._scans is not None:
+            # Before the first keyframe there is none yet: it will be the next frame.
+            self._scans.add(scan, anchor_keyframe=max(len(self.keyframes) - 1, 0))
         self._timestamp_s = scan.timestamp_s
 
     def integrate(self, frame: Frame, *, may_thin: bool = False) -> IntegrationReport:
@@ -172,8 +176,11 @@ class Mapper:
         localisation finds them. Gaussians, scans and the frames since move rigidly with their keyframes;
         voxels are built anew. To be called between two frames.
 
-        Raises `MapError` for a keyframe that there is not, and for a map that another run began.
+        Raises `MapError` for a keyframe that there is not, for a map that another run began, and where the
+        mapper was not made `correctable`.
         """
+        if self._scans is None:
+            raise MapError("the mapper was not made correctable: its scans were not kept to move along")
         motions = motions_of(corrected, self.keyframes)
         observed_before = self.voxels.n_observed
         moved = self.gaussians.move_with_keyframes(motions)
@@ -233,7 +240,7 @@ class Mapper:
             "gaussians": self.gaussians.state(),
             "voxels": self.voxels.state(),
             "keyframes": self.keyframes.state(),
-            "scans": self._scans.state(),
+            "scans": None if self._scans is None else self._scans.state(),
             "density": self._density.state(),
             "steps": self._steps.state(),
             "learnt_pose": None if self._learnt_pose is None else self._learnt_pose.as_matrix(),
@@ -246,7 +253,7 @@ class Mapper:
         self.gaussians = GaussianMap.restore(state["gaussians"])
         self.voxels = VoxelMap.restore(state["voxels"])
         self.keyframes = KeyframeStore.restore(keyframe_folder, state["keyframes"])
-        self._scans = ScanLog.restore(state["scans"])
+        self._scans = None if state["scans"] is None else ScanLog.restore(state["scans"])
         self._density.restore(state["density"])
         self._steps.restore(state["steps"])
         learnt = state["learnt_pose"]

@@ -201,4 +201,5 @@ def build_mapper(
         region=region,
         keyframe_folder=keyframe_folder,
         rng=rng,
+        correctable=not isinstance(config.localisation, GivenConfig),  # given poses do not drift
     )

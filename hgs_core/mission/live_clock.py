@@ -33,7 +33,7 @@ class LiveClock:
         return nullcontext()
 
     def paused(self) -> AbstractContextManager[None]:
-        return self._correspondence.paused()
+        return self._correspondence.time.paused()
 
     @property
     def time_left(self) -> Callable[[], bool] | None:

@@ -10,26 +10,27 @@ from pathlib import Path
 
 import numpy as np
 
+from app.robot.camera import scan_part
+from app.robot.live_robot import facts_of
 from hgs_core.errors import RobotError
 from hgs_core.live.images import encoded_colour, encoded_depth
 from hgs_core.live.messages import (
     PROTOCOL,
     Ack,
     Answer,
-    CameraFacts,
     End,
     FollowPath,
     Frame,
     Hello,
     LimitSpeed,
     Report,
-    ScanPart,
     Stop,
     ToRobot,
     Welcome,
     encoded,
     to_robot,
 )
+from hgs_core.live.poses import numbers_of
 from hgs_core.mission.config import MissionConfig, resolve_mission_config
 from hgs_core.robot.path import Path as RobotPath
 from hgs_core.scene.scene import open_scene
@@ -91,22 +92,11 @@ class FarRobot:
 
     def hello(self) -> Hello:
         camera = self._config.sensor.camera
-        facts = camera.intrinsics()
         bounds = self._scene.bounds.expanded(0.2)
         return Hello(
             protocol=PROTOCOL,
             name="far robot",
-            camera=CameraFacts(
-                width=facts.width,
-                height=facts.height,
-                fx=facts.fx,
-                fy=facts.fy,
-                cx=facts.cx,
-                cy=facts.cy,
-                range_m=camera.range_m,
-                mount_height_m=camera.mount_height_m,
-                frame_interval_s=camera.frame_interval_s,
-            ),
+            camera=facts_of(camera),
             robot=self._config.robot.model_dump(mode="json"),
             report=self._report(),
             scanner_range_m=self._config.sensor.scanner.range_m,
@@ -206,22 +196,13 @@ class FarRobot:
 
 def frame_message(taken: sensing.Frame, scan: sensing.Scan | None, *, sequence: int, time_s: float) -> Frame:
     """A frame as it travels."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = taken.T_world_camera.rotation, taken.T_world_camera.translation
     return Frame(
         sequence=sequence,
         time_s=time_s,
-        pose=pose.reshape(-1).tolist(),
+        pose=numbers_of(taken.T_world_camera),
         colour=encoded_colour(taken.rgb),
         depth=encoded_depth(taken.depth_m),
-        scan=None
-        if scan is None
-        else ScanPart(
-            origin_m=scan.origin_m.tolist(),
-            first_bearing_rad=float(scan.bearings_rad[0]),
-            step_rad=float(scan.bearings_rad[1] - scan.bearings_rad[0]),
-            ranges_m=scan.ranges_m.astype("<f4").tobytes(),
-        ),
+        scan=None if scan is None else scan_part(scan),
     )
 
 

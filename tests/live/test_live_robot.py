@@ -315,7 +315,7 @@ def test_nobody_drives_where_nobody_looks(call: Call) -> None:
 
 def test_mission_time_stands_still_in_a_pause(call: Call) -> None:
     call.now += 5.0
-    with call.correspondence.paused():
+    with call.correspondence.time.paused():
         call.now += 60.0
         assert call.correspondence.time_s == pytest.approx(5.0)
     call.now += 1.0

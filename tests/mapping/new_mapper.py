@@ -9,7 +9,7 @@ from hgs_core.mapping.mapper import Mapper
 from hgs_core.voxels.voxel_map import VoxelConfig
 
 
-def empty_mapper(config: MappingConfig, keyframe_folder: Path) -> Mapper:
+def empty_mapper(config: MappingConfig, keyframe_folder: Path, *, correctable: bool = False) -> Mapper:
     return Mapper(
         config,
         VoxelConfig(),
@@ -18,4 +18,5 @@ def empty_mapper(config: MappingConfig, keyframe_folder: Path) -> Mapper:
         region=None,
         keyframe_folder=keyframe_folder,
         rng=np.random.default_rng(0),
+        correctable=correctable,
     )

@@ -59,8 +59,9 @@ def scan_at(caster: RayCaster, true: SE3, believed: SE3, k: int) -> Scan:
     )
 
 
-def mapped(caster: RayCaster, pose_of, folder: Path, **config) -> Mapper:
-    mapper = empty_mapper(MappingConfig(iterations_per_s=2.5, keyframe_rotation_deg=20.0, **config), folder)
+def mapped(caster: RayCaster, pose_of, folder: Path, **changes) -> Mapper:
+    config = MappingConfig(iterations_per_s=2.5, keyframe_rotation_deg=20.0, **changes)
+    mapper = empty_mapper(config, folder, correctable=True)
     rng = np.random.default_rng(0)
     for k in range(N_FRAMES):
         rgb, depth = caster.render(CAMERA, true_pose(k), 5.0)
@@ -193,7 +194,7 @@ def test_a_correction_survives_a_checkpoint(caster: RayCaster, tmp_path: Path) -
     """Correct, save, restore: and a further correction does the same to both."""
     mapper = mapped(caster, drifted, tmp_path)
     mapper.correct_poses({14: true_pose(14)})
-    twin = empty_mapper(mapper.config, tmp_path)
+    twin = empty_mapper(mapper.config, tmp_path, correctable=True)
     twin.restore(mapper.state(), keyframe_folder=tmp_path)
     for each in (mapper, twin):
         each.correct_poses(corrections())
