@@ -6,22 +6,17 @@ import time
 import httpx
 import pytest
 import schemathesis
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, settings
 from openapi_spec_validator import validate
 
 from app.settings import LimitSettings, Settings
 from tests.app.fake_mission import runner
 from tests.app.live_service import serving
+from tests.app.wild_requests import ENDLESS, send_wild_requests
 
 TOKEN = "an operator's token for the tests"
 BEARER = {"Authorization": f"Bearer {TOKEN}"}
 UNLIMITED = LimitSettings(requests="1000000/second", changes="1000000/second", logins="1000000/second")
-ENDLESS = "streamEvents"
-"""A stream of events never ends; `test_streams.py` reads it."""
-NAMES_THINGS = {"createMission", "savePreset", "getPresetSettings", "putDirectives", "decideApproval"}
-"""Operations that say more than a schema can check: names of scenes, presets, planners and settings that
-there may not be, outlines that cross themselves."""
 
 
 @pytest.fixture(scope="module")
@@ -124,48 +119,8 @@ def test_the_bodies_that_can_be_sent_come_with_examples_that_work(description, l
         assert client.delete("/api/v1/presets/example").status_code == 204
 
 
-def fuzz(live, missions, examples: int, derandomize: bool) -> int:
-    """Requests of every operation, well-formed and not; each answer must keep to the description.
-
-    Returns how many were sent. Schemathesis checks status, media type, schema, headers, and that what breaks
-    the schema is refused; what a schema cannot say (which presets there are) may be refused, with reasons.
-    """
-    description = schemathesis.openapi.from_url(f"{live.url}openapi.json", headers=BEARER)
-    sent = 0
-    for found in description.exclude(operation_id=ENDLESS).get_all_operations():
-        operation = found.ok()
-        cases = operation.as_strategy() | operation.as_strategy(
-            generation_mode=schemathesis.GenerationMode.NEGATIVE
-        )
-
-        @settings(
-            max_examples=examples,
-            deadline=None,
-            database=None,
-            derandomize=derandomize,
-            phases=[Phase.generate, Phase.shrink],
-            suppress_health_check=list(HealthCheck),
-        )
-        @given(case=cases, mission=st.sampled_from([None, *missions]))
-        def send(case, mission):
-            nonlocal sent
-            sent += 1
-            well_formed = case.meta.generation.mode is schemathesis.GenerationMode.POSITIVE
-            if mission is not None and well_formed and "mission_id" in case.path_parameters:
-                case.path_parameters["mission_id"] = mission
-            answer = case.call(headers=BEARER, timeout=60)
-            excluded = []
-            if answer.status_code == 422 and case.operation.definition.raw["operationId"] in NAMES_THINGS:
-                assert answer.json()["errors"]
-                excluded.append(schemathesis.checks.CHECKS.get_one("positive_data_acceptance"))
-            case.validate_response(answer, excluded_checks=excluded)
-
-        send()
-    return sent
-
-
 def test_wild_requests_are_answered_as_described(live, missions):
-    assert fuzz(live, missions, examples=12, derandomize=True) > 150
+    assert send_wild_requests(live.url, missions, token=TOKEN, examples=12, same=True) > 150
 
 
 @pytest.mark.parametrize(
@@ -181,7 +136,7 @@ def test_numbers_are_numbers(live, field, value):
 
 @pytest.mark.slow
 def test_very_many_wild_requests_are_answered_as_described(live, missions, capsys):
-    sent = fuzz(live, missions, examples=1_000, derandomize=False)
+    sent = send_wild_requests(live.url, missions, token=TOKEN, examples=1_000, same=False)
     with capsys.disabled():
         sys.stdout.write(f"{sent} requests by schemathesis: no server error, no answer off the description\n")
     assert sent > 10_000
