@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from app.cli.bench import bench
+from app.cli.bench_paths import paths
 from app.cli.bench_reference import reference
 from app.cli.bundle import bundle
 from app.cli.console import ERRORS, OUTPUT
@@ -67,6 +68,7 @@ application.command()(robot)
 application.command()(replay)
 application.command()(token)
 application.command()(bundle)
+bench.command()(paths)
 bench.command()(reference)
 application.add_typer(bench, name="bench")
 

@@ -101,9 +101,9 @@ def planners(
     from hgs_core.mission.config import resolve_mission_config
 
     request = GridRequest(
-        scenes=_every_seed(_listed(scenes)),
-        planners=_listed(planners or list(COMPARED)),
-        seeds=_numbers(_listed(seeds or ["0", "1"])),
+        scenes=every_seed(listed(scenes)),
+        planners=listed(planners or list(COMPARED)),
+        seeds=_numbers(listed(seeds or ["0", "1"])),
         preset=preset,
         overrides=parse_settings(settings or []),
         out=out,
@@ -212,12 +212,12 @@ def _engine(name: EngineName, address: str, threads: int, jobs: int | None) -> E
     return ProcessEngine(jobs or default_slots(threads))
 
 
-def _listed(values: list[str]) -> list[str]:
+def listed(values: list[str]) -> list[str]:
     """`a,b` and `c` as a, b, c."""
     return [part.strip() for value in values for part in value.split(",") if part.strip()]
 
 
-def _every_seed(scenes: list[str]) -> list[str]:
+def every_seed(scenes: list[str]) -> list[str]:
     """`house:0-2` as house:0, house:1, house:2."""
     every = []
     for scene in scenes:

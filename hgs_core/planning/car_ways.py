@@ -39,7 +39,7 @@ class KinodynamicConfig(StrictConfig):
     """Changing between forwards and backwards costs as much as so many metres [m]."""
     steering_change_m: float = Field(0.1, ge=0)
     """So does turning the wheels from one side to the other [m]."""
-    heuristic_weight: float = Field(1.2, ge=0)
+    heuristic_weight: float = Field(1.3, ge=0)
     """Of what is left to go: 1 is exact up to the lattice, more finds a way sooner and a longer one."""
     most_states: int = Field(60_000, ge=1)
     """A search gives up after so many states."""

@@ -9,6 +9,7 @@ import yaml
 from typer.testing import CliRunner
 
 from app.cli.application import application
+from hgs_core.benchmark.paths import PathBenchmark
 from hgs_core.config.presets import preset_names
 from tests.scene.scans import hm3d
 from tests.scene.worlds import room
@@ -110,3 +111,14 @@ def test_serve_refuses_an_address_that_others_can_reach(tmp_path: Path) -> None:
     result = hgs("serve", "--host", "0.0.0.0", "--data-dir", str(tmp_path))
     assert result.exit_code == 2
     assert "0.0.0.0" in result.stderr
+
+
+def test_ways_of_a_car_are_measured(tmp_path: Path) -> None:
+    ways = ("bench", "paths", "--scenes", "warren:1", "--pairs", "2")
+    told = hgs(*ways, "--json", str(tmp_path / "paths.json"))
+    assert told.exit_code == 0, told.output
+    assert "2 pairs in 1 scenes: a way for 2 (100.0%)" in " ".join(told.stdout.split())
+    assert PathBenchmark.model_validate_json((tmp_path / "paths.json").read_text()).found == 2
+    refused = hgs(*ways, "--robot", "wheeled")
+    assert refused.exit_code == 2
+    assert "its drive is differential" in " ".join(refused.output.split())

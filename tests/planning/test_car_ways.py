@@ -7,9 +7,10 @@ import pytest
 
 from hgs_core.native import kernels
 from hgs_core.planning.car_ways import CarWays, KinodynamicConfig, body_of, poses_free
-from hgs_core.planning.navigation_grid import NavigationGrid
+from hgs_core.planning.navigation_grid import NavigationConfig, NavigationGrid, build_navigation_grid
 from hgs_core.planning.path_search import reach_from_cells
 from hgs_core.robot.ackermann import Ackermann, AckermannConfig, driven_arcs
+from hgs_core.robot.path import Path
 from tests.planning.floors import grid_of, room
 
 CAR = AckermannConfig()
@@ -214,3 +215,89 @@ def test_a_car_that_stands_too_near_to_a_wall_drives_off_along_it():
     assert path.headings_rad is not None
     poses = np.column_stack([path.positions_m, path.headings_rad])
     assert poses_free(grid, body_of(CAR, -0.015), poses, standing=np.zeros((0, 3))).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ways_against_a_plain_search_of_the_lattice(seed):
+    """Dijkstra with the same steps, no words, no estimate of what is left. To come to a pose exactly costs it
+    shuffling back and forth, which words spare; to come to about there cannot cost it more than a way."""
+    rng = np.random.default_rng(seed)
+    voxels = room(26, 22)
+    for _ in range(2):
+        i, j = rng.integers(7, 19), rng.integers(6, 16)
+        voxels.states[i : i + 3, j : j + 4] = 2
+    voxels.note_change()
+    even = NavigationConfig(clearance_weight=0.0, unobserved_weight=0.0)
+    grid = build_navigation_grid(voxels, even, CAR, robot_xy_m=None)
+    start, *goals = free_poses(grid, rng, 6)
+    plain = _plain_costs(grid, start)
+    ways = CarWays(grid, CAR, KinodynamicConfig(heuristic_weight=1.0), start)
+    for goal in goals:
+        i, j, h = _state(grid, goal)
+        exactly = plain[i, j, h]
+        about = min(
+            plain[i + di, j + dj, (h + dh) % _PLAIN_HEADINGS]
+            for di in (-1, 0, 1)
+            for dj in (-1, 0, 1)
+            for dh in (-2, -1, 0, 1, 2)
+        )
+        path = ways.way(start, goal[:2], goal[2:])
+        assert (path is not None) == np.isfinite(exactly)
+        if path is not None:
+            # From the goal's cell to its middle it may have to change gear once more.
+            assert about - 0.3 <= _cost(path) <= exactly + CONFIG.gear_change_m + 0.3, goal
+
+
+def _cost(path: Path) -> float:
+    """As the settings define it: metres, metres backwards, changes of gear and of the wheels."""
+    gears, lengths, curvatures = driven_arcs(path.positions_m, path.headings_rad)
+    driven = float(np.sum(lengths * np.where(gears < 0, CONFIG.reverse_factor, 1.0)))
+    changes = CONFIG.gear_change_m * np.count_nonzero(np.diff(gears))
+    turns = curvatures * CAR.planned_radius_m
+    return driven + changes + 0.5 * CONFIG.steering_change_m * float(np.sum(np.abs(np.diff(turns))))
+
+
+_PLAIN_HEADINGS = 72
+
+
+def _state(grid: NavigationGrid, pose: np.ndarray) -> tuple[int, int, int]:
+    i, j = np.floor(pose[:2] / grid.size_m).astype(int)
+    return int(i), int(j), int(np.rint(pose[2] * _PLAIN_HEADINGS / (2 * np.pi))) % _PLAIN_HEADINGS
+
+
+def _plain_costs(grid: NavigationGrid, start: np.ndarray) -> np.ndarray:
+    """Least costs to every cell and heading."""
+    step, radius = 1.8 * grid.size_m, CAR.planned_radius_m
+    motions = [(gear, turn) for gear in (1, -1) for turn in (0.0, 1.0, -1.0, 0.5, -0.5)]
+    best = np.full((*grid.shape, _PLAIN_HEADINGS), np.inf)
+    best[_state(grid, start)] = 0.0
+    closed = np.zeros(best.shape, bool)
+    waiting: list[tuple[float, int, tuple]] = [(0.0, 0, (*start, 0, 0.0))]
+    count = 0
+    while waiting:
+        cost, _, (x, y, yaw, gear, turn) = heapq.heappop(waiting)
+        here = _state(grid, np.array([x, y, yaw]))
+        if closed[here]:
+            continue
+        closed[here] = True
+        arcs = np.array(
+            [
+                [
+                    _arc(x, y, yaw, new_turn / radius, new_gear * part * step)
+                    for part in (0.25, 0.5, 0.75, 1.0)
+                ]
+                for new_gear, new_turn in motions
+            ]
+        )
+        free = poses_free(grid, BODY, arcs.reshape(-1, 3), standing=start[None]).reshape(len(motions), -1)
+        for poses, ok, (new_gear, new_turn) in zip(arcs, free.all(axis=1), motions, strict=True):
+            if not ok or closed[at := _state(grid, poses[-1])]:
+                continue
+            change = CONFIG.gear_change_m * (gear * new_gear < 0)
+            steer = 0.5 * CONFIG.steering_change_m * abs(new_turn - turn) * (gear != 0)
+            new = cost + step * (CONFIG.reverse_factor if new_gear < 0 else 1.0) + change + steer
+            if new < best[at] - 1e-12:
+                best[at] = new
+                count += 1
+                heapq.heappush(waiting, (new, count, (*poses[-1], new_gear, new_turn)))
+    return best
