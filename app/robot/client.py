@@ -42,9 +42,12 @@ _STAND_S: Final = 5.0
 _LAST_WORDS_S: Final = 30.0
 """After `Bye` the service may take so long to say `End`."""
 _ANSWER_S: Final = 10.0
-_HOPELESS: Final = frozenset({400, 401, 403, 404, 405, 422, 1009, 4401, 4404})
-"""HTTP statuses and close codes that trying again does not change; 1009: a frame is larger than the service
-takes."""
+_HOPELESS: Final = frozenset({400, 401, 403, 404, 405, 422, 4401, 4404})
+"""HTTP statuses and close codes that trying again does not change."""
+_TOO_LARGE: Final = 1009
+"""A message is larger than the service takes. It may be a broken line's, and not this robot's ..."""
+_MOST_TOO_LARGE: Final = 5
+"""... but not so often in a row, with no frame between that the service has taken."""
 _REPLACED: Final = 4409
 _NOT_NOW: Final = 4410
 _NO_MORE: Final = 4411
@@ -82,6 +85,8 @@ class RobotClient:
         self._give_up_after_s = give_up_after_s
         self._mission_word = mission_word
         self._mission_waits = False
+        self._too_large = 0
+        """Connections in a row that ended so."""
         self._say = say
         self._loop: asyncio.AbstractEventLoop | None = None
         self._connection: Connection | None = None
@@ -208,9 +213,14 @@ class RobotClient:
             self._mission_waits = True
         elif connection.close_code == _REPLACED and not self._over.is_set():
             self._end(Outcome.GIVEN_UP, "another robot has taken this one's place in the mission")
-        elif connection.close_code in _HOPELESS and not self._over.is_set():
+        elif self._is_hopeless(connection.close_code) and not self._over.is_set():
             raise RobotError(f"the service refuses the robot: {problem}")
         return problem
+
+    def _is_hopeless(self, close_code: int | None) -> bool:
+        if close_code == _TOO_LARGE:
+            self._too_large += 1
+        return close_code in _HOPELESS or self._too_large >= _MOST_TOO_LARGE
 
     def _complaint(self) -> str | None:
         """Answers that never come would leave a robot without credits, and the mission without frames."""
@@ -226,6 +236,8 @@ class RobotClient:
         match message:
             case Answer():
                 self._frames.answered(message, received_s)
+                if message.fate == "taken":
+                    self._too_large = 0
                 if message.fate == "refused":
                     self._say(f"frame {message.sequence} is refused: {message.reason}")
             case FollowPath() | Stop() | LimitSpeed():

@@ -89,6 +89,13 @@ class FakeService:
 
         self._call(abort())
 
+    def close_with(self, code: int) -> None:
+        async def close() -> None:
+            assert self._socket is not None
+            await self._socket.close(code, "as the test wants it")
+
+        self._call(close())
+
     def path(
         self,
         command: int,

@@ -258,3 +258,30 @@ def test_a_token_that_is_refused_is_an_error_at_once(service, start):
     robot.outcome = Outcome.ENDED
     assert isinstance(error, RobotError)
     assert "HTTP 401" in str(error)
+
+
+def test_a_message_that_is_too_large_may_be_a_broken_lines(service, start):
+    """As long as frames are taken in between, the robot connects again."""
+    robot = start(give_up_after_s=30.0)
+    for again in range(2, 8):
+        taken = robot.client.figures.taken
+        service.wait_for(lambda taken=taken: robot.client.figures.taken > taken)
+        service.close_with(1009)
+        service.wait_for(lambda again=again: service.connections == again)
+    service.end()
+    assert robot.join() is Outcome.ENDED
+
+
+def test_messages_that_are_too_large_every_time_are_its_own(service, start):
+    service.answers = False
+    robot = start(give_up_after_s=30.0)
+    for again in range(2, 7):
+        service.close_with(1009)
+        if again < 6:
+            service.wait_for(lambda again=again: service.connections == again)
+    robot._thread.join(30.0)
+    error, robot.error = robot.error, None
+    robot.outcome = Outcome.ENDED
+    assert isinstance(error, RobotError)
+    assert "1009" in str(error)
+    assert service.connections == 5
