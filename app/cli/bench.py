@@ -59,7 +59,7 @@ def kernels(
     with ERRORS.status("measuring") as status:
         figures = run_kernel_benchmark(repeats=repeats, with_torch=torch, progress=status.update)
     _print_kernels(figures)
-    _write(figures, json)
+    write_figures(figures, json)
 
 
 @bench.command()
@@ -95,7 +95,7 @@ def mission(
         with progress, InterruptCommands(progress.say) as commands:
             figures = run_mission_benchmark(request, observer=progress, commands=commands)
     _print_mission(figures)
-    _write(figures, json)
+    write_figures(figures, json)
 
 
 @bench.command()
@@ -129,7 +129,7 @@ def gains(
             request, n_views=views, observer=progress, commands=commands, progress=progress.say
         )
     _print_gains(figures)
-    _write(figures, json)
+    write_figures(figures, json)
 
 
 @bench.command()
@@ -212,7 +212,7 @@ def recording(
             topics=parse_topics(topics),
         )
     _print_recording(figures)
-    _write(figures, json)
+    write_figures(figures, json)
 
 
 @bench.command()
@@ -251,10 +251,11 @@ def localisation(
             progress=status.update,
         )
     print_localisation(figures)
-    _write(figures, json)
+    write_figures(figures, json)
 
 
-def _write(figures: BaseModel, path: Path | None) -> None:
+def write_figures(figures: BaseModel, path: Path | None) -> None:
+    """As `--json` asks, and say where."""
     if path is not None:
         path.write_text(figures.model_dump_json(indent=2) + "\n", encoding="utf-8")
         OUTPUT.print(f"figures: {path}", highlight=False, soft_wrap=True)

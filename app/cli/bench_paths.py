@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from app.cli.bench import JsonFile, Settings
+from app.cli.bench import JsonFile, Settings, write_figures
 from app.cli.bench_planners import every_seed, listed
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.run import parse_settings
@@ -63,9 +63,7 @@ def paths(
             progress=status.update,
         )
     _print(figures)
-    if json is not None:
-        json.write_text(figures.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        OUTPUT.print(f"figures: {json}", highlight=False, soft_wrap=True)
+    write_figures(figures, json)
 
 
 def _print(figures: PathBenchmark) -> None:

@@ -86,7 +86,7 @@ class RobotClient:
         self._mission_word = mission_word
         self._mission_waits = False
         self._too_large = 0
-        """Connections in a row that ended so."""
+        """Connections that ended with `_TOO_LARGE` since a frame was taken."""
         self._say = say
         self._loop: asyncio.AbstractEventLoop | None = None
         self._connection: Connection | None = None
@@ -207,6 +207,7 @@ class RobotClient:
         finally:
             self._connection = None
             self._frames.end()
+        self._too_large += connection.close_code == _TOO_LARGE
         if connection.close_code == _NO_MORE and not self._over.is_set():
             self._end(Outcome.ENDED, problem)
         elif connection.close_code == _NOT_NOW:
@@ -218,8 +219,6 @@ class RobotClient:
         return problem
 
     def _is_hopeless(self, close_code: int | None) -> bool:
-        if close_code == _TOO_LARGE:
-            self._too_large += 1
         return close_code in _HOPELESS or self._too_large >= _MOST_TOO_LARGE
 
     def _complaint(self) -> str | None:

@@ -23,12 +23,13 @@ from hgs_core.planning.car_ways import CarWays, KinodynamicConfig, body_of, pose
 from hgs_core.planning.navigation_grid import NavigationConfig, NavigationGrid, build_navigation_grid
 from hgs_core.planning.path_search import reach_from, shortest_path
 from hgs_core.robot.ackermann import AckermannConfig, driven_arcs
+from hgs_core.robot.motion import GroundPose
 from hgs_core.robot.path import Path
-from hgs_core.scene.free_floor import floor_under
+from hgs_core.scene.free_floor import StartPose, floor_under
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.ray_caster import RayCaster
 from hgs_core.scene.scene import Scene, open_scene
-from hgs_core.simulation.footprint import footprint_of
+from hgs_core.simulation.body import Body
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
 
 _LEAST_APART_M: Final = 0.5
@@ -202,10 +203,10 @@ def _random_pairs(
         raise SceneError(f"{floor.name}: a robot of radius {car.radius_m} m cannot leave its start")
     for _ in range(count):
         start = _random_pose(floor, car, search, cells, rng)
-        while True:
-            goal = _random_pose(floor, car, search, cells, rng)
-            if np.hypot(*(goal - start)[:2]) >= _LEAST_APART_M:
-                break
+        goals = (_random_pose(floor, car, search, cells, rng) for _ in range(_TRIES))
+        goal = next((goal for goal in goals if np.hypot(*(goal - start)[:2]) >= _LEAST_APART_M), None)
+        if goal is None:
+            raise SceneError(f"{floor.name}: nowhere to drive to, {_LEAST_APART_M} m or more from a start")
         yield start, goal
 
 
@@ -257,11 +258,12 @@ def _arcs(path: Path) -> tuple[Float[ndarray, " m"], Float[ndarray, " m"], Float
 
 
 def _touches(obstacles: BodyObstacles, car: AckermannConfig, path: Path) -> bool:
-    """At any waypoint: they are at most 5 cm apart, and the margin is kept around the body between them."""
+    """Driven by the body that simulated missions drive; its first pose is the start, where the car fits."""
     assert path.headings_rad is not None
-    footprint = footprint_of(car)
-    return any(
-        footprint.room_m(obstacles, x, y, yaw) <= 0.0
+    (x, y), yaw = path.positions_m[0].tolist(), float(path.headings_rad[0])
+    body = Body(car, obstacles, StartPose(x_m=x, y_m=y, yaw_rad=yaw))
+    return not all(
+        body.move_to(GroundPose(x_m=x, y_m=y, yaw_rad=yaw))
         for (x, y), yaw in zip(path.positions_m.tolist(), path.headings_rad.tolist(), strict=True)
     )
 

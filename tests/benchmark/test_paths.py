@@ -2,12 +2,12 @@
 
 import pytest
 
-from hgs_core.benchmark import paths
 from hgs_core.benchmark.paths import PathBenchmark, run_path_benchmark
 from hgs_core.errors import ConfigError
 from hgs_core.planning.car_ways import KinodynamicConfig
 from hgs_core.planning.navigation_grid import NavigationConfig
 from hgs_core.robot.ackermann import AckermannConfig
+from hgs_core.simulation import body
 from hgs_core.simulation.footprint import Disc
 
 
@@ -53,7 +53,7 @@ def test_a_car_that_hardly_turns_finds_fewer_ways_and_that_is_told():
 
 def test_a_body_wider_than_was_planned_for_touches(monkeypatch):
     """The check is against the true obstacles, not against the planner's grid."""
-    monkeypatch.setattr(paths, "footprint_of", lambda config: Disc(reach_m=1.0))
+    monkeypatch.setattr(body, "footprint_of", lambda config: Disc(reach_m=1.0))
     figures = measured(pairs=2)
     assert figures.touching == figures.found > 0
 

@@ -1,7 +1,5 @@
 """A car's ways over the grid, against naive oracles: rectangles by their corners, reach by plain Dijkstra."""
 
-import heapq
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from hgs_core.planning.path_search import reach_from_cells
 from hgs_core.robot.ackermann import Ackermann, AckermannConfig, driven_arcs
 from hgs_core.robot.path import Path
 from tests.planning.floors import grid_of, room
+from tests.planning.plain_car_search import plain_costs, state_of
 
 CAR = AckermannConfig()
 CONFIG = KinodynamicConfig()
@@ -105,60 +104,14 @@ def test_reach_against_plain_dijkstra():
     grid = grid_of(voxels)
     start = np.array([0.5, 0.8, 1.0])
     reach = CarWays(grid, CAR, CONFIG, start).reach.cost_m
-    oracle = _plain_reach(grid, start, reach.shape)
+    turns, n_headings = (0.0, 1.0, -1.0), reach.shape[2]
+    oracle = plain_costs(grid, CAR, CONFIG, start, step_m=0.15, turns=turns, n_headings=n_headings, checks=2)
     np.testing.assert_array_less(-1.0, reach)
     both = np.isfinite(reach) & np.isfinite(oracle)
     assert np.count_nonzero(np.isfinite(reach) != np.isfinite(oracle)) <= 0.02 * np.count_nonzero(both)
     apart = reach[both] - oracle[both]
     assert np.quantile(np.abs(apart), 0.95) <= 0.3
     assert np.abs(np.median(apart)) <= 0.1
-
-
-def _plain_reach(grid: NavigationGrid, start: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    step, radius, n = 0.15, CAR.planned_radius_m, shape[2]
-    best = np.full(shape, np.inf)
-
-    def state(pose: np.ndarray) -> tuple[int, int, int]:
-        i, j = np.floor(pose[:2] / grid.size_m).astype(int)
-        return int(i), int(j), int(np.rint(pose[2] * n / (2 * np.pi))) % n
-
-    waiting: list[tuple[float, int, tuple]] = [(0.0, 0, (*start, 0, 0))]
-    count = 0
-    best[state(start)] = 0.0
-    while waiting:
-        cost, _, (x, y, yaw, gear, turn) = heapq.heappop(waiting)
-        if best[state(np.array([x, y, yaw]))] < cost:
-            continue
-        nexts, keys = [], []
-        for new_gear in (1, -1):
-            for new_turn in (0, 1, -1):
-                poses = [_arc(x, y, yaw, new_turn / radius, new_gear * part * step) for part in (0.5, 1.0)]
-                nexts.append(poses)
-                keys.append((new_gear, new_turn))
-        free = poses_free(grid, BODY, np.array(nexts).reshape(-1, 3), standing=start[None]).reshape(-1, 2)
-        for poses, ok, (new_gear, new_turn) in zip(nexts, free, keys, strict=True):
-            at = state(np.array(poses[1]))
-            if not ok.all():
-                continue
-            change = CONFIG.gear_change_m * (gear * new_gear < 0)
-            steer = 0.5 * CONFIG.steering_change_m * abs(new_turn - turn) * (gear != 0)
-            new = cost + step * (CONFIG.reverse_factor if new_gear < 0 else 1.0) + change + steer
-            if new < best[at] - 1e-12:
-                best[at] = new
-                count += 1
-                heapq.heappush(waiting, (new, count, (*poses[1], new_gear, new_turn)))
-    return best
-
-
-def _arc(x: float, y: float, yaw: float, curvature: float, length: float) -> tuple[float, float, float]:
-    if curvature == 0.0:
-        return x + length * np.cos(yaw), y + length * np.sin(yaw), yaw
-    after = yaw + curvature * length
-    return (
-        x + (np.sin(after) - np.sin(yaw)) / curvature,
-        y - (np.cos(after) - np.cos(yaw)) / curvature,
-        after,
-    )
 
 
 def test_open_floor_gives_the_shortest_way_and_a_straight_is_straight():
@@ -221,7 +174,7 @@ def test_a_car_that_stands_too_near_to_a_wall_drives_off_along_it():
 def test_ways_against_a_plain_search_of_the_lattice(seed):
     """Dijkstra with the same steps, no words, no estimate of what is left. To come to a pose exactly costs it
     shuffling back and forth, which words spare; to come to about there cannot cost it more than a way."""
-    rng = np.random.default_rng(seed)
+    rng, n_headings = np.random.default_rng(seed), 72
     voxels = room(26, 22)
     for _ in range(2):
         i, j = rng.integers(7, 19), rng.integers(6, 16)
@@ -230,13 +183,14 @@ def test_ways_against_a_plain_search_of_the_lattice(seed):
     even = NavigationConfig(clearance_weight=0.0, unobserved_weight=0.0)
     grid = build_navigation_grid(voxels, even, CAR, robot_xy_m=None)
     start, *goals = free_poses(grid, rng, 6)
-    plain = _plain_costs(grid, start)
+    turns = (0.0, 1.0, -1.0, 0.5, -0.5)
+    plain = plain_costs(grid, CAR, CONFIG, start, step_m=0.18, turns=turns, n_headings=n_headings, checks=4)
     ways = CarWays(grid, CAR, KinodynamicConfig(heuristic_weight=1.0), start)
     for goal in goals:
-        i, j, h = _state(grid, goal)
+        i, j, h = state_of(grid, goal, n_headings)
         exactly = plain[i, j, h]
         about = min(
-            plain[i + di, j + dj, (h + dh) % _PLAIN_HEADINGS]
+            plain[i + di, j + dj, (h + dh) % n_headings]
             for di in (-1, 0, 1)
             for dj in (-1, 0, 1)
             for dh in (-2, -1, 0, 1, 2)
@@ -255,49 +209,3 @@ def _cost(path: Path) -> float:
     changes = CONFIG.gear_change_m * np.count_nonzero(np.diff(gears))
     turns = curvatures * CAR.planned_radius_m
     return driven + changes + 0.5 * CONFIG.steering_change_m * float(np.sum(np.abs(np.diff(turns))))
-
-
-_PLAIN_HEADINGS = 72
-
-
-def _state(grid: NavigationGrid, pose: np.ndarray) -> tuple[int, int, int]:
-    i, j = np.floor(pose[:2] / grid.size_m).astype(int)
-    return int(i), int(j), int(np.rint(pose[2] * _PLAIN_HEADINGS / (2 * np.pi))) % _PLAIN_HEADINGS
-
-
-def _plain_costs(grid: NavigationGrid, start: np.ndarray) -> np.ndarray:
-    """Least costs to every cell and heading."""
-    step, radius = 1.8 * grid.size_m, CAR.planned_radius_m
-    motions = [(gear, turn) for gear in (1, -1) for turn in (0.0, 1.0, -1.0, 0.5, -0.5)]
-    best = np.full((*grid.shape, _PLAIN_HEADINGS), np.inf)
-    best[_state(grid, start)] = 0.0
-    closed = np.zeros(best.shape, bool)
-    waiting: list[tuple[float, int, tuple]] = [(0.0, 0, (*start, 0, 0.0))]
-    count = 0
-    while waiting:
-        cost, _, (x, y, yaw, gear, turn) = heapq.heappop(waiting)
-        here = _state(grid, np.array([x, y, yaw]))
-        if closed[here]:
-            continue
-        closed[here] = True
-        arcs = np.array(
-            [
-                [
-                    _arc(x, y, yaw, new_turn / radius, new_gear * part * step)
-                    for part in (0.25, 0.5, 0.75, 1.0)
-                ]
-                for new_gear, new_turn in motions
-            ]
-        )
-        free = poses_free(grid, BODY, arcs.reshape(-1, 3), standing=start[None]).reshape(len(motions), -1)
-        for poses, ok, (new_gear, new_turn) in zip(arcs, free.all(axis=1), motions, strict=True):
-            if not ok or closed[at := _state(grid, poses[-1])]:
-                continue
-            change = CONFIG.gear_change_m * (gear * new_gear < 0)
-            steer = 0.5 * CONFIG.steering_change_m * abs(new_turn - turn) * (gear != 0)
-            new = cost + step * (CONFIG.reverse_factor if new_gear < 0 else 1.0) + change + steer
-            if new < best[at] - 1e-12:
-                best[at] = new
-                count += 1
-                heapq.heappush(waiting, (new, count, (*poses[-1], new_gear, new_turn)))
-    return best

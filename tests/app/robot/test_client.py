@@ -46,6 +46,15 @@ def start(service):
         context.__exit__(None, None, None)
 
 
+def error_of(robot):
+    """What it failed with, taken from it: it is not raised again when the test ends."""
+    robot._thread.join(30.0)
+    error, robot.error = robot.error, None
+    robot.outcome = Outcome.ENDED
+    assert isinstance(error, RobotError)
+    return error
+
+
 def test_it_says_hello_sends_frames_and_follows_a_path(service, start):
     robot = start(offset_s=777.0)
     hello = service.of(Hello)[0]
@@ -252,12 +261,7 @@ def test_a_service_that_stays_away_is_given_up(service, start):
 
 def test_a_token_that_is_refused_is_an_error_at_once(service, start):
     service.refuse_with = 401
-    robot = start(wait=False)
-    robot._thread.join(30.0)
-    error, robot.error = robot.error, None
-    robot.outcome = Outcome.ENDED
-    assert isinstance(error, RobotError)
-    assert "HTTP 401" in str(error)
+    assert "HTTP 401" in str(error_of(start(wait=False)))
 
 
 def test_a_message_that_is_too_large_may_be_a_broken_lines(service, start):
@@ -279,9 +283,5 @@ def test_messages_that_are_too_large_every_time_are_its_own(service, start):
         service.close_with(1009)
         if again < 6:
             service.wait_for(lambda again=again: service.connections == again)
-    robot._thread.join(30.0)
-    error, robot.error = robot.error, None
-    robot.outcome = Outcome.ENDED
-    assert isinstance(error, RobotError)
-    assert "1009" in str(error)
+    assert "1009" in str(error_of(robot))
     assert service.connections == 5
