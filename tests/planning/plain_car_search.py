@@ -43,10 +43,7 @@ def plain_costs(
             continue
         arcs = np.array(
             [
-                [
-                    _arc(x, y, yaw, new_turn / radius_m, new_gear * part * step_m)
-                    for part in np.arange(1, checks + 1) / checks
-                ]
+                [_arc(x, y, yaw, new_turn / radius_m, new_gear * part * step_m) for part in parts]
                 for new_gear, new_turn in motions
             ]
         )
