@@ -192,5 +192,9 @@ def test_a_tablet_is_enough(live, open_page, tmp_path):
         page.touchscreen.tap(canvas["x"] + right * canvas["width"], canvas["y"] + down * canvas["height"])
     page.tap("#tab-orders")
     expect(page.locator("order-panel li[data-kind=no_go]")).to_have_count(1)
+    page.set_viewport_size({"width": 1024, "height": 768})  # and turned
+    page.wait_for_timeout(300)
+    page.screenshot(path=tmp_path / "turned.png", timeout=PATIENCE_MS)
+    assert_clean(page, 1024, 768)
     page.tap("#stop")
     wait_for_state(page, "aborted")
