@@ -1,5 +1,7 @@
 """Logging in, in a real browser; and what a viewer's page offers."""
 
+import time
+
 import httpx
 import pytest
 from playwright.sync_api import expect
@@ -95,10 +97,12 @@ def test_a_viewer_watches_and_commands_nothing(live, open_page, tmp_path):
     wait_for_state(page, "running")
 
 
-def test_a_page_whose_session_ends_asks_to_log_in_again(live, open_page):
-    service = live(runner("run_slowly"), access={**TOKENS, "session_s": 8.0})
+def test_a_page_whose_session_ends_asks_to_log_in_again(live, open_page, monkeypatch):
+    service = live(runner("run_slowly"), access=TOKENS)
     page = open_page(service.url)
     log_in(page, OPERATOR)
     launch(page)
     wait_for_state(page, "running")
+    a_year_s = 365 * 86_400.0
+    monkeypatch.setattr(service.app.state.sessions, "_now", lambda: time.time() + a_year_s)
     expect(page).to_have_url(f"{service.url}login.html", timeout=PATIENCE_MS)
