@@ -1,4 +1,7 @@
-/** Exchanges a token for a session, whose cookie no script can read, and goes on to the operator page. */
+/**
+ * Exchanges a token for a session, whose cookie no script can read, and goes on to the operator page. The form
+ * cannot be sent before this script is there: a browser would send it by itself.
+ */
 import { Problem, getSession, openSession } from "./api.js";
 
 const form = document.getElementById("login");
@@ -20,6 +23,8 @@ form.addEventListener("submit", async (event) => {
     button.disabled = false;
   }
 });
+
+button.disabled = false;
 
 function explain(error) {
   if (!(error instanceof Problem)) return String(error);

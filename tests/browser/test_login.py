@@ -27,6 +27,7 @@ TOKENS = {"operator_token": OPERATOR, "viewer_token": VIEWER}
 
 
 def log_in(page, token: str) -> None:
+    expect(page.locator("#login button")).to_be_enabled()
     page.fill("#token", token)
     page.press("#token", "Enter")
 
@@ -95,6 +96,21 @@ def test_a_viewer_watches_and_commands_nothing(live, open_page, tmp_path):
     page.keyboard.press("Shift+S")
     page.wait_for_timeout(500)
     wait_for_state(page, "running")
+
+
+def test_a_token_is_never_sent_before_the_script_is_there(live, chromium):
+    """The browser alone would put it into the address, and so into its history."""
+    service = live(runner("run_slowly"), access=TOKENS)
+    context = chromium.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(f"{service.url}login.html")
+    expect(page.locator("#login button")).to_be_disabled()
+    page.fill("#token", OPERATOR)
+    page.press("#token", "Enter")
+    page.wait_for_timeout(500)
+    assert page.url == f"{service.url}login.html"
+    assert page.input_value("#token") == OPERATOR, "nothing was sent"
+    context.close()
 
 
 def test_a_page_whose_session_ends_asks_to_log_in_again(live, open_page, monkeypatch):
