@@ -81,6 +81,8 @@ class Supervisor:
         # Room for orders that a busy process has not read yet: STOP must never wait to be written.
         fcntl.fcntl(self._commands.fileno(), fcntl.F_SETPIPE_SZ, _ORDERS_BYTES)
         self._send_lock = threading.Lock()
+        self._over = False
+        """Whether the process has ended and its descriptors are given back, with `_send_lock`."""
         self._heard = False
         self._stopping = False
         self._stop_requested = threading.Event()
@@ -95,6 +97,7 @@ class Supervisor:
             daemon=True,
         )
         self._process.start()
+        self._pid = self._process.pid
         child_events.close()
         child_commands.close()
         if child_link is not None:
@@ -103,7 +106,7 @@ class Supervisor:
 
     @property
     def pid(self) -> int | None:
-        return self._process.pid
+        return self._pid
 
     def listen(self) -> None:
         """Begin to pass on what the process says."""
@@ -146,13 +149,16 @@ class Supervisor:
             self._process.kill()
             self._verdict = {"control": "failed", "error": type(error).__name__, "message": str(error)}
         self._process.join()
+        outcome = self._outcome()
         self._events.close()
         with self._send_lock:
+            self._over = True
             self._commands.close()
+            self._process.close()  # or its descriptors would wait for the garbage collector
         self._slot.close()
         if self.link is not None:
             self.link.close("the mission's process has ended")
-        self._on_end(self._outcome())
+        self._on_end(outcome)
 
     def _listen_to_the_end(self) -> None:
         open_pipe = True
@@ -210,11 +216,17 @@ class Supervisor:
             self._deadline = None
 
     def _terminate(self, reason: str) -> None:
-        self._forced = reason
-        log.warning(
-            "terminating the mission process %s: %s", self.pid, reason, extra={"mission": self._mission_id}
-        )
-        self._process.terminate()
+        with self._send_lock:
+            if self._over:
+                return
+            self._forced = reason
+            log.warning(
+                "terminating the mission process %s: %s",
+                self.pid,
+                reason,
+                extra={"mission": self._mission_id},
+            )
+            self._process.terminate()
         self._expect(self._limits.terminate_s, reason)
 
     def _expect(self, within_s: float, meaning: str) -> None:

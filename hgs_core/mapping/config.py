@@ -35,7 +35,10 @@ class InsertionConfig(StrictConfig):
     detail_contrast: float = Field(0.25, gt=0)
     """... where the brightness (0..1) changes by this much within 8 x 8 pixels of the full image."""
     widest_factor: float = Field(4.0, ge=1)
-    """Spacing grows where there is less contrast, up to so many times."""
+    """Spacing grows where there is less contrast, up to so many times ..."""
+    widest_m: float = Field(0.04, gt=0)
+    """... and up to this, whatever the camera and the distance, but for what its pixels allow: a map of few
+    pixels, too, is to have a centre within 5 cm of all that was seen [m]."""
     radius_factor: float = Field(0.5, gt=0)
     """Radius of a new Gaussian in units of its spacing."""
     follow_slant: bool = True

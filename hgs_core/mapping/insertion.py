@@ -32,7 +32,8 @@ def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[nda
     """How far apart [m] on the surface Gaussians should be in each pixel; 0 where nothing was measured.
 
     What `finest_px` (full-image) pixels span at that distance, at least `finest_m`; more where the image has
-    less contrast than `detail_contrast`: with its inverse square root, at most `widest_factor` times more.
+    less contrast than `detail_contrast`: with its inverse square root, at most `widest_factor` times more
+    and `widest_m`.
     Borders of surfaces count as detail: thin legs and edges need small Gaussians whatever their colour.
     """
     measured = image.measured
@@ -42,8 +43,9 @@ def wanted_spacing(image: TrainingImage, config: InsertionConfig) -> Float32[nda
     contrast = np.maximum(_contrast(image), np.float32(1e-3))
     factor = np.clip(np.sqrt(np.float32(config.detail_contrast) / contrast), 1.0, config.widest_factor)
     factor[surface_borders(image.depth_m)] = 1.0
-    spacing: Float32[ndarray, "height width"] = np.where(measured, finest * factor, 0.0).astype(np.float32)
-    return spacing
+    spacing = np.minimum(finest * factor, np.maximum(finest, np.float32(config.widest_m)))
+    wanted: Float32[ndarray, "height width"] = np.where(measured, spacing, 0.0).astype(np.float32)
+    return wanted
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -52,6 +52,11 @@ def run_slowly(request: Any, *, observer: Any, commands: Any) -> None:
     _drive(request, observer, commands, frames=600, frame_s=0.15)
 
 
+def run_for_hours(request: Any, *, observer: Any, commands: Any) -> None:
+    """Two hours of mission time, in ten minutes or more."""
+    _drive(request, observer, commands, frames=round(7200 / FRAME_INTERVAL_S))
+
+
 def run_short(request: Any, *, observer: Any, commands: Any) -> None:
     """Ends by itself within a second."""
     _drive(request, observer, commands, frames=20)

@@ -82,7 +82,7 @@ def wait_until(page: Page, expression: str, arg: Any = None, *, timeout_ms: floa
         page.wait_for_timeout(50)
 
 
-def wait_for_number(page: Page, figure: str, above: float) -> None:
+def wait_for_number(page: Page, figure: str, above: float, *, timeout_ms: float = PATIENCE_MS) -> None:
     wait_until(
         page,
         """([figure, above]) => {
@@ -90,6 +90,7 @@ def wait_for_number(page: Page, figure: str, above: float) -> None:
           return parseFloat(text.replace(" k", "e3").replace(" M", "e6")) > above;
         }""",
         [figure, above],
+        timeout_ms=timeout_ms,
     )
 
 

@@ -1,5 +1,7 @@
 """New Gaussians: where, how far apart, how large."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,16 @@ def test_spacing_is_wider_where_there_is_less_to_see() -> None:
         contrast = max(difference / 255.0, 1e-3)
         factor = np.clip(np.sqrt(CONFIG.detail_contrast / contrast), 1.0, CONFIG.widest_factor)
         np.testing.assert_allclose(spacing, finest * factor, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("z_m", "focal_px", "spacing_m"),
+    [(3.0, 300.0, 0.04), (5.0, 300.0, 0.04), (5.0, 150.0, 0.04), (5.0, 75.0, 5.0 / 75.0)],
+)
+def test_a_plain_wall_is_no_wider_than_completeness_needs(z_m, focal_px, spacing_m) -> None:
+    """Whatever the camera's pixels and the distance; of few pixels each counts."""
+    image = replace(wall_at(z_m), intrinsics=CameraIntrinsics.centred(600, 340, focal_px))
+    np.testing.assert_allclose(wanted_spacing(image, CONFIG), spacing_m, rtol=1e-5)
 
 
 def test_spacing_has_a_least_value_and_is_zero_without_a_measurement() -> None:

@@ -10,7 +10,6 @@ TINY = {
     "evaluate": "false",
     "threads": "1",
     "mapping.iterations_per_s": "2.5",
-    "mapping.insertion.widest_factor": "2",
     "mesh.enabled": "false",
     "checkpoint.interval_s": "2",
     "checkpoint.most_share": "1",
