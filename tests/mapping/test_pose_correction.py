@@ -110,7 +110,7 @@ def test_a_corrected_map_comes_near_that_of_the_true_poses(
     as_true, corrected = surface(true, caster), surface(off, caster)
     # What neighbouring frames averaged while they disagreed by a centimetre stays averaged.
     assert as_true.accuracy_cm < 0.3
-    assert corrected.accuracy_cm < 0.8
+    assert corrected.accuracy_cm < 0.9
     assert as_drifted.accuracy_cm > 4.0 * corrected.accuracy_cm
     assert corrected.completion_ratio > as_true.completion_ratio - 0.02
     # Voxels are built anew from keyframes and scans: they agree with those of the true poses, on the whole.
