@@ -23,6 +23,7 @@ from app.cli.replay import replay
 from app.cli.report import report
 from app.cli.resume import resume
 from app.cli.robot import robot
+from app.cli.ros import ros
 from app.cli.run import run
 from app.cli.scenes import scenes
 from app.cli.serve import serve
@@ -66,6 +67,7 @@ application.command()(presets)
 application.command()(serve)
 application.command()(robot)
 application.command()(replay)
+application.command()(ros)
 application.command()(token)
 application.command()(bundle)
 bench.command()(paths)

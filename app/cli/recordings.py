@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -10,6 +10,8 @@ from app.cli.run import parse_settings
 
 if TYPE_CHECKING:
     from hgs_core.sensing.ros.topics import TopicOptions
+
+T = TypeVar("T", bound="TopicOptions")
 
 TopicSettings = Annotated[
     list[str] | None,
@@ -22,18 +24,21 @@ TopicSettings = Annotated[
 
 
 def parse_topics(settings: list[str] | None) -> TopicOptions | None:
-    """What the `--topic` options say; None without any. A wrong one is a usage error."""
-    if not settings:
-        return None
-    from pydantic import ValidationError
-
+    """What the `--topic` options say of a recording; None without any. A wrong one is a usage error."""
     from hgs_core.sensing.ros.topics import TopicOptions
 
+    return parse_topic_options(settings, TopicOptions) if settings else None
+
+
+def parse_topic_options(settings: list[str] | None, options: type[T]) -> T:
+    """The same as `options` of a kind, their defaults without any."""
+    from pydantic import ValidationError
+
     try:
-        return TopicOptions.model_validate(parse_settings(settings))
+        return options.model_validate(parse_settings(settings or []))
     except ValidationError as error:
         wrong = "; ".join(
             f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}" for e in error.errors()
         )
-        known = ", ".join(TopicOptions.model_fields)
+        known = ", ".join(options.model_fields)
         raise typer.BadParameter(f"{wrong}. There are: {known}", param_hint="--topic") from error

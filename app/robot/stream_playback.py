@@ -57,12 +57,15 @@ class StreamPlayback:
             protocol=PROTOCOL,
             name=name,
             camera=CameraFacts(
-                **_pinhole(colour), lens=_lens(colour), range_m=self._range_m, frame_interval_s=interval_s
+                **pinhole_facts(colour),
+                lens=lens_facts(colour),
+                range_m=self._range_m,
+                frame_interval_s=interval_s,
             ),
             depth_camera=None
             if not apart
             else DepthCameraFacts(
-                **_pinhole(depth), lens=_lens(depth), pose=numbers_of(self._first.T_colour_depth)
+                **pinhole_facts(depth), lens=lens_facts(depth), pose=numbers_of(self._first.T_colour_depth)
             ),
             robot=None,
         )
@@ -92,7 +95,7 @@ class StreamPlayback:
         raise StreamError(f"{self._source.name}: frame {index} is missing")
 
 
-class _Pinhole(TypedDict):
+class PinholeFacts(TypedDict):
     width: int
     height: int
     fx: float
@@ -101,7 +104,7 @@ class _Pinhole(TypedDict):
     cy: float
 
 
-def _pinhole(camera: LensCamera) -> _Pinhole:
+def pinhole_facts(camera: LensCamera) -> PinholeFacts:
     facts = camera.intrinsics
     return {
         "width": facts.width,
@@ -113,7 +116,7 @@ def _pinhole(camera: LensCamera) -> _Pinhole:
     }
 
 
-def _lens(camera: LensCamera) -> LensFacts:
+def lens_facts(camera: LensCamera) -> LensFacts:
     return LensFacts(
         model=camera.distortion.model, coefficients=[float(c) for c in camera.distortion.coefficients]
     )

@@ -37,11 +37,13 @@ class CheckpointKeeper:
         config: CheckpointConfig,
         *,
         mission: Mission,
+        kept_s: float | None,
         state: Callable[[], Mapping[str, Any]],
         files: Callable[[], Sequence[Path]],
         tell: Callable[[CheckpointTold], None],
     ) -> None:
-        """`state` and `files` are what a checkpoint of this moment holds and refers to."""
+        """`kept_s`: mission time of the checkpoint that the mission goes on from, if it does. `state` and
+        `files` are what a checkpoint of this moment holds and refers to."""
         self._folder = folder
         self._config = config
         self._mission = mission
@@ -49,7 +51,7 @@ class CheckpointKeeper:
         self._files = files
         self._tell = tell
         self._last_s = mission.time_s
-        self._kept_s = mission.time_s if mission.time_s > 0 else None
+        self._kept_s = kept_s
         self._began_s = mission.wall_s
         self._spent_s = 0.0
         self._under_way: CheckpointTold | None = None

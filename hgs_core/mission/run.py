@@ -107,7 +107,7 @@ class _Run:
                 if live is None:
                     return None
             parts = self._build(commands, checkpoint, live)
-            keeper = self._keeper(parts)
+            keeper = self._keeper(parts, checkpoint)
             try:
                 try:
                     record = _explored(parts, keeper)
@@ -233,7 +233,7 @@ class _Run:
                 )
                 self._log.on_event(Notice(time_s=parts.mission.time_s, level="warning", message=message))
 
-    def _keeper(self, parts: MissionParts) -> CheckpointKeeper:
+    def _keeper(self, parts: MissionParts, checkpoint: Checkpoint | None) -> CheckpointKeeper:
         mission = parts.mission
 
         def state() -> dict[str, Any]:
@@ -263,6 +263,7 @@ class _Run:
             state=state,
             files=lambda: parts.mapper.keyframes.files(),
             mission=mission,
+            kept_s=None if checkpoint is None else float(checkpoint.state["time_s"]),
             tell=tell,
         )
 
