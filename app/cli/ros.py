@@ -82,7 +82,7 @@ def ros(
 
     Exit codes:
     0 - the mission is over;
-    2 - an option is wrong, the robot lacks a topic, or the service refuses it;
+    2 - an option is wrong, the robot lacks a topic or set its clock back, or the service refuses it;
     4 - the service was out of reach for too long;
     130 - it was interrupted.
     """

@@ -81,8 +81,10 @@ class Supervisor:
         # Room for orders that a busy process has not read yet: STOP must never wait to be written.
         fcntl.fcntl(self._commands.fileno(), fcntl.F_SETPIPE_SZ, _ORDERS_BYTES)
         self._send_lock = threading.Lock()
+        self._process_lock = threading.Lock()
+        """Never held while anything is waited for: ending a process by force must not wait."""
         self._over = False
-        """Whether the process has ended and its descriptors are given back, with `_send_lock`."""
+        """Whether the process has ended and its descriptors are given back."""
         self._heard = False
         self._stopping = False
         self._stop_requested = threading.Event()
@@ -152,8 +154,9 @@ class Supervisor:
         outcome = self._outcome()
         self._events.close()
         with self._send_lock:
-            self._over = True
             self._commands.close()
+        with self._process_lock:
+            self._over = True
             self._process.close()  # or its descriptors would wait for the garbage collector
         self._slot.close()
         if self.link is not None:
@@ -216,17 +219,14 @@ class Supervisor:
             self._deadline = None
 
     def _terminate(self, reason: str) -> None:
-        with self._send_lock:
+        with self._process_lock:
             if self._over:
                 return
             self._forced = reason
-            log.warning(
-                "terminating the mission process %s: %s",
-                self.pid,
-                reason,
-                extra={"mission": self._mission_id},
-            )
             self._process.terminate()
+        log.warning(
+            "terminating the mission process %s: %s", self.pid, reason, extra={"mission": self._mission_id}
+        )
         self._expect(self._limits.terminate_s, reason)
 
     def _expect(self, within_s: float, meaning: str) -> None:

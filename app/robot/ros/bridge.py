@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from typing import Any, Final
@@ -12,6 +13,8 @@ _CONNECT_S: Final = 10.0
 _ANSWER_S: Final = 10.0
 _RECONNECT_S: Final = 5.0
 """Longest wait between two attempts to connect again."""
+_PING_S: Final = 2.0
+"""A connection on which a ping is not answered for so long is lost, though nobody has closed it."""
 
 
 class Rosbridge:
@@ -32,6 +35,8 @@ class Rosbridge:
         AsyncioRosBridgeClientFactory.set_max_delay(_RECONNECT_S)
         try:
             self._ros = roslibpy.Ros(url, transport="asyncio")
+            # It is connecting already, but takes these when the other side has answered.
+            self._ros.factory.setProtocolOptions(autoPingInterval=_PING_S, autoPingTimeout=_PING_S)
             self._ros.run(timeout=_CONNECT_S)
         except roslibpy.core.RosTimeoutError as error:
             self._ros.factory._stop = True  # or it would try for ever in the background
@@ -43,10 +48,6 @@ class Rosbridge:
             raise StreamError(
                 f"{url!r} is no address of a rosbridge server, ws://HOST:PORT: {error}"
             ) from error
-
-    @property
-    def connected(self) -> bool:
-        return bool(self._ros.is_connected)
 
     def topics(self) -> dict[str, str]:
         """Every topic's type, as `rosapi` (which comes with the server) tells."""
@@ -75,13 +76,15 @@ class Rosbridge:
         advertised.advertise()
 
         def publish(content: dict[str, Any]) -> None:
-            if self.connected:
-                advertised.publish(self._library.Message(content))
+            # The library's own way would keep it for the next connection.
+            connection = self._ros.factory._proto
+            if connection is not None:
+                message = {"op": "publish", "topic": topic, "msg": content}
+                connection.send_ros_message(self._library.Message(message))
 
         return publish
 
     def close(self) -> None:
-        try:
+        self._ros.factory._stop = True  # connects no more
+        with contextlib.suppress(self._library.core.RosTimeoutError):
             self._ros.close()
-        except self._library.core.RosTimeoutError:
-            self._ros.factory._stop = True

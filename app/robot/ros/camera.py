@@ -23,10 +23,13 @@ from hgs_core.live.poses import numbers_of
 from hgs_core.sensing.ros.images import colour_image, depth_image
 from hgs_core.sensing.ros.poses import stamp_s
 
-_KEPT: Final = 8
-"""Images of each kind that wait for their other half."""
+_KEPT_S: Final = 1.5
+"""Images wait so long for their other half."""
 _POSE_S: Final = 1.0
 """An image waits so long for odometry of its time."""
+_UNPAIRED_S: Final = 5.0
+"""Images that came for so long without any frame coming of them are spoken of."""
+_BACK_S: Final = 1.0
 _SCAN_S: Final = 0.3
 """A scan so old still belongs to a frame."""
 _LOOK_S: Final = 0.02
@@ -65,8 +68,10 @@ class RosCamera:
         self._interval_s = interval_s
         self._offset_s = max_depth_offset_s
         self._say = say
-        self._colour: deque[_Waiting] = deque(maxlen=_KEPT)
-        self._depth: deque[_Waiting] = deque(maxlen=_KEPT)
+        self._colour: deque[_Waiting] = deque()
+        self._depth: deque[_Waiting] = deque()
+        self._paired_s = math.inf
+        """When two images were joined last, or the first one came."""
         self._scan: _Waiting | None = None
         self._sequence = 0
         self._newest_s = -math.inf
@@ -103,6 +108,9 @@ class RosCamera:
         if waiting is not None:
             with self._arrived:
                 into.append(waiting)
+                while into[0].received_s < waiting.received_s - _KEPT_S:
+                    into.popleft()
+                self._paired_s = min(self._paired_s, waiting.received_s)
                 self._arrived.notify()
 
     def _waiting(self, content: dict[str, Any], where: str) -> _Waiting | None:
@@ -119,37 +127,59 @@ class RosCamera:
             with self._arrived:
                 self._arrived.wait(_LOOK_S)
                 pair = None if self._over else self._due()
-            if pair is None:
-                continue
-            if not self._link.may_send_frame():
-                self.skipped += 1
-                self._newest_s = pair[0].stamp_s
-                continue
-            try:
-                frame = self._frame(*pair)
-            except StreamError as error:
-                self._complain(error)
-                self._newest_s = pair[0].stamp_s
-                continue
-            if frame is not None:
-                self._newest_s = pair[0].stamp_s
-                self._link.send_frame(frame, pair[0].received_s)
+            if pair is not None:
+                self._take(*pair, self._link)
+
+    def _take(self, colour: _Waiting, depth: _Waiting, link: Link) -> None:
+        """Send a frame of two images; they are then done with, whatever became of them."""
+        self._paired_s = self._clock.now_s()
+        if not link.may_send_frame():
+            self.skipped += 1
+            self._newest_s = colour.stamp_s
+            return
+        try:
+            frame = self._frame(colour, depth)
+        except StreamError as error:
+            self._complain(error)
+        except Exception as error:  # no image, whatever is wrong with it, may end the camera
+            self._complain(StreamError(f"{colour.where} and {depth.where} cannot be read: {error!r}"))
+        else:
+            self._newest_s = colour.stamp_s
+            link.send_frame(frame, colour.received_s)
+            return
+        with self._arrived:
+            if colour in self._colour:
+                self._colour.remove(colour)
 
     def _due(self) -> tuple[_Waiting, _Waiting] | None:
         """The newest colour image that is due, has a depth image, and odometry of its time (or no hope)."""
-        odometry = self._odometry.newest
+        odometry, now_s = self._odometry.newest, self._clock.now_s()
         known_s = -math.inf if odometry is None else odometry.stamp_s
         for colour in reversed(self._colour):
             if colour.stamp_s < self._newest_s + 0.9 * self._interval_s:
-                return None
-            if colour.stamp_s > known_s and self._clock.now_s() - colour.received_s < _POSE_S:
+                break
+            if colour.stamp_s > known_s and now_s - colour.received_s < _POSE_S:
                 continue
             depth = min(self._depth, key=lambda one: abs(one.stamp_s - colour.stamp_s), default=None)
             if depth is not None and abs(depth.stamp_s - colour.stamp_s) <= self._offset_s:
                 return colour, depth
+        if now_s - self._paired_s > _UNPAIRED_S:
+            self._paired_s = now_s
+            self._complain(StreamError(self._why_unpaired()))
         return None
 
-    def _frame(self, colour: _Waiting, depth: _Waiting) -> Frame | None:
+    def _why_unpaired(self) -> str:
+        if not self._colour or not self._depth:
+            return f"no {'depth' if self._colour else 'colour'} image has come for {_UNPAIRED_S:g} s"
+        colour, depth = self._colour[-1], self._depth[-1]
+        if colour.stamp_s < self._newest_s - _BACK_S:
+            return f"{colour.where}: stamped {self._newest_s - colour.stamp_s:.2f} s before the last frame"
+        return (
+            f"no image of {colour.where} has one of {depth.where} within {self._offset_s:g} s (the newest "
+            f"are {abs(depth.stamp_s - colour.stamp_s):.3f} s apart): set --topic max_depth_offset_s"
+        )
+
+    def _frame(self, colour: _Waiting, depth: _Waiting) -> Frame:
         T_world_base = self._odometry.pose_at(colour.stamp_s)
         if T_world_base is None:
             raise StreamError(f"{colour.where}: no odometry of its time: are both stamped by the same clock?")
@@ -173,7 +203,12 @@ class RosCamera:
         if T_world_base is None:
             return None
         T_world_laser = T_world_base @ self._T_base_laser
-        return read(scan.content, lambda message, where: scan_part(message, T_world_laser, where), scan.where)
+        try:
+            return read(scan.content, lambda said, where: scan_part(said, T_world_laser, where), scan.where)
+        except StreamError as error:
+            self._complain(error)
+            self._scan = None
+            return None
 
     def _complain(self, error: StreamError) -> None:
         self.unread += 1

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from hgs_core.errors import StreamError
-from hgs_core.live.messages import FollowPath
 from hgs_core.robot.motion import Twist
+from hgs_core.robot.path import Path
 
 T = TypeVar("T")
 
@@ -30,9 +30,13 @@ def read(content: Any, decode: Callable[[Any, str], T], where: str) -> T:
 def bytes_of(data: Any, where: str) -> bytes:
     """An array of uint8: base64, or (from servers without) numbers."""
     try:
-        return base64.b64decode(data, validate=True) if isinstance(data, str) else bytes(data)
+        if isinstance(data, str):
+            return base64.b64decode(data, validate=True)
+        if isinstance(data, list):
+            return bytes(data)
     except (binascii.Error, TypeError, ValueError) as error:
         raise StreamError(f"{where}: its data are neither base64 nor bytes: {error}") from error
+    raise StreamError(f"{where}: its data are neither base64 nor bytes, but {type(data).__name__}")
 
 
 def twist_content(twist: Twist) -> dict[str, Any]:
@@ -43,15 +47,15 @@ def twist_content(twist: Twist) -> dict[str, Any]:
     }
 
 
-def path_content(command: FollowPath | None, *, frame: str, stamp_s: float) -> dict[str, Any]:
+def path_content(path: Path | None, *, frame: str, stamp_s: float) -> dict[str, Any]:
     """A `nav_msgs/Path`; None: one without poses, which means that there is nowhere to go.
 
     A pose's heading is the one to take up there, else the car's, else the way's.
     """
     seconds = math.floor(stamp_s)
     header = {"frame_id": frame, "stamp": {"sec": seconds, "nanosec": int(1e9 * (stamp_s - seconds))}}
-    positions = [] if command is None else command.positions_m
-    yaws = [] if command is None else _headings(command)
+    positions = [] if path is None else path.positions_m.tolist()
+    yaws = [] if path is None else _headings(path)
     return {
         "header": header,
         "poses": [
@@ -67,14 +71,14 @@ def path_content(command: FollowPath | None, *, frame: str, stamp_s: float) -> d
     }
 
 
-def _headings(command: FollowPath) -> list[float]:
-    points, headings = command.positions_m, []
+def _headings(path: Path) -> list[float]:
+    points, headings = path.positions_m.tolist(), []
     along = 0.0
-    for k, yaw in enumerate(command.yaws_rad):
+    for k, yaw in enumerate(path.yaws_rad.tolist()):
         if k + 1 < len(points):
             along = math.atan2(points[k + 1][1] - points[k][1], points[k + 1][0] - points[k][0])
-        car = None if command.headings_rad is None else command.headings_rad[k]
-        headings.append(yaw if yaw is not None else car if car is not None else along)
+        driven = along if path.headings_rad is None else float(path.headings_rad[k])
+        headings.append(driven if math.isnan(yaw) else yaw)
     return headings
 
 

@@ -15,8 +15,8 @@ from hgs_core.robot.tracker import PathTracker, tracker_of
 from hgs_core.simulation.driven_robot import Moment
 
 TICK_S: Final = 0.05
-_STALE_S: Final = 0.5
-"""Without odometry for so long the robot is not driven on."""
+_TICKS_S: Final = (0.02, 0.2)
+"""Least and most that a tick is taken to have lasted, whenever it came."""
 _STILL_MPS, _STILL_RADPS = 0.02, 0.05
 """Slower than this an odometry says of a robot that stands."""
 _LAST_WORDS: Final = 10
@@ -35,11 +35,14 @@ class RosDriver:
         config: RobotConfig,
         odometry: OdometryTrack,
         publish: Callable[[Twist], None],
+        show: Callable[[Path | None], None],
         now_s: Callable[[], float],
     ) -> None:
+        """`show` is told the path that is driven, None when there is none any more."""
         self._config = config
         self._odometry = odometry
         self._publish = publish
+        self._show = show
         self._now_s = now_s
         self._lock = threading.RLock()
         self._tracker: PathTracker | None = None
@@ -47,6 +50,7 @@ class RosDriver:
         self._max_speed_mps = config.max_speed_mps
         self._reversing = False
         self._last_words = 0
+        self._ticked_s = now_s()
 
     @property
     def moment(self) -> Moment:
@@ -76,18 +80,19 @@ class RosDriver:
 
     @property
     def stale(self) -> bool:
-        newest = self._odometry.newest
-        return newest is None or self._now_s() - newest.received_s > _STALE_S
+        """Whether nobody knows where the robot is."""
+        return self._odometry.stale(self._now_s())
 
     def follow(self, path: Path) -> None:
         """From a stand. Raises `RobotError` for a path that does not begin here, and without odometry."""
         with self._lock:
             if self.stale:
-                raise RobotError(f"nothing was heard of the robot's odometry for {_STALE_S} s")
+                raise RobotError("nothing is heard of the robot's odometry, or too late")
             tracker = None
             if len(path.yaws_rad):
                 tracker = tracker_of(self._config, path, self.moment.estimate, self._max_speed_mps)
             self._tracker, self._passed = tracker, 0
+            self._show(None if tracker is None else path)
 
     def stop(self) -> None:
         with self._lock:
@@ -104,28 +109,36 @@ class RosDriver:
     def tick(self) -> None:
         """Say what to drive until the next tick."""
         with self._lock:
-            tracker, newest = self._tracker, self._odometry.newest
-            if tracker is None or newest is None:
+            now_s = self._now_s()
+            duration_s = min(max(now_s - self._ticked_s, _TICKS_S[0]), _TICKS_S[1])
+            self._ticked_s = now_s
+            tracker, here = self._tracker, self._odometry.pose_now(now_s)
+            if tracker is None or here is None:
                 if self._last_words > 0:
                     self._last_words -= 1
                     self._publish(STILL)
                 return
             if self.stale:
                 # Nobody knows where it is: braking along a path would be driving blind.
-                self._tracker, self._last_words = None, _LAST_WORDS
+                self._let_go()
                 self._publish(STILL)
                 return
-            twist = tracker.twist(newest.at, TICK_S)
+            twist = tracker.twist(here, duration_s)
             self._passed = tracker.waypoints_passed
             if twist.forward_mps != 0.0:
                 self._reversing = twist.forward_mps < 0.0
             if tracker.standing:
-                self._tracker, self._last_words = None, _LAST_WORDS
+                self._let_go()
             self._publish(twist)
 
     def drop(self) -> None:
         """Stand, whatever it takes: for the end."""
         with self._lock:
-            self._tracker = None
+            self._let_go()
             for _ in range(3):
                 self._publish(STILL)
+
+    def _let_go(self) -> None:
+        if self._tracker is not None:
+            self._show(None)
+        self._tracker, self._last_words = None, _LAST_WORDS

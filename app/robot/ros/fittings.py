@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from app.robot.ros.content import read
 from app.robot.ros.topics import LASER_SCAN, RosTopics
@@ -15,6 +15,9 @@ from hgs_core.geometry.lens import LensCamera
 from hgs_core.geometry.se3 import SE3
 from hgs_core.sensing.ros.cameras import CAMERA_INFO, lens_camera
 from hgs_core.sensing.ros.transforms import TF_MESSAGE, TransformTree
+
+_LEVEL: Final = 0.99
+"""Cosine of how far a scanner may be tilted: eight degrees."""
 
 
 class Bridge(Protocol):
@@ -62,13 +65,20 @@ def heard_fittings(
     if topics.scan is not None:
         listener.expect(topics.scan, LASER_SCAN, lambda message, _: _frame(message))
     (colour, colour_frame), (depth, depth_frame) = (listener.heard(topic) for topic in infos)
+    T_base_camera = camera_on_base or listener.placed(base, colour_frame)
+    T_base_laser = None if topics.scan is None else listener.placed(base, listener.heard(topics.scan))
+    if T_base_laser is not None and abs(T_base_laser.rotation[2, 2]) < _LEVEL:
+        raise StreamError(
+            f"{bridge.url}: the scanner of {topics.scan} is mounted at a tilt: name one that lies level, or "
+            "do without by --topic scan=none"
+        )
     aligned = depth_is_registered or depth_frame == colour_frame
     return Fittings(
         colour=colour,
         depth=depth,
-        T_base_camera=camera_on_base or listener.placed(base, colour_frame),
+        T_base_camera=T_base_camera,
         T_colour_depth=SE3.identity() if aligned else listener.placed(colour_frame, depth_frame),
-        T_base_laser=None if topics.scan is None else listener.placed(base, listener.heard(topics.scan)),
+        T_base_laser=T_base_laser,
     )
 
 
@@ -102,9 +112,11 @@ class _Listener:
                 if placed is not None:
                     return placed
             frames = ", ".join(self._tree.frames) or "nothing"
+            wrong = self._found.get("/tf_static")
         raise StreamError(
             f"{self._bridge.url}: /tf_static does not tell where {sensor!r} sits on {frame!r} (it has "
-            f"{frames}): start robot_state_publisher, or say it with --mount"
+            f"{frames}): start robot_state_publisher, or say it of the camera with --mount"
+            + ("" if wrong is None else f". Of what it says, this is wrong: {wrong}")
         )
 
     def _hear(self, topic: str, decode: Callable[[Any, str], Any], content: dict[str, Any]) -> None:

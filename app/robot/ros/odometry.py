@@ -10,13 +10,17 @@ from typing import Any, Final
 
 from hgs_core.errors import StreamError
 from hgs_core.geometry.se3 import SE3
-from hgs_core.robot.motion import GroundPose, Twist
+from hgs_core.robot.motion import GroundPose, Twist, moved
 from hgs_core.sensing.ros.poses import StampedPoses, pose, stamp_s
 
 _KEPT: Final = 500
 _STEP_M: Final = 0.002
 """What an odometry trembles by is no way driven."""
 _BACK_S: Final = 1.0
+_CLOCKS_DRIFT: Final = 1e-4
+"""So much two clocks may drift apart [s a second] without one's messages seeming late."""
+_STALE_S: Final = 0.5
+"""Nothing was heard for so long, or what is heard is so old: nobody knows where the robot is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +48,26 @@ class OdometryTrack:
         self._lock = threading.Lock()
         self._kept: deque[OdometryMoment] = deque(maxlen=_KEPT)
         self._length_from: GroundPose | None = None
+        self._least_s = math.inf
+        """Least of (time of receipt - stamp): that of a message which came without delay."""
+
+    def stale(self, now_s: float) -> bool:
+        """Whether nothing is known of where the robot is now."""
+        newest = self.newest
+        return newest is None or now_s - newest.received_s > _STALE_S or self.age_s(now_s) > _STALE_S
+
+    def age_s(self, now_s: float) -> float:
+        """Of the newest message, beyond the least delay there was. A message that waited behind others is
+        old though it has just come."""
+        newest = self.newest
+        return math.inf if newest is None else max(now_s - newest.stamp_s - self._least_s, 0.0)
+
+    def pose_now(self, now_s: float) -> GroundPose | None:
+        """Where the robot will have come to since the newest message."""
+        newest = self.newest
+        if newest is None:
+            return None
+        return moved(newest.at, newest.twist, min(self.age_s(now_s), _STALE_S))
 
     @property
     def newest(self) -> OdometryMoment | None:
@@ -61,6 +85,8 @@ class OdometryTrack:
             raise StreamError(f"{where}: its time or velocities are not finite")
         rotation, (x, y, _) = T_world_base.rotation, T_world_base.translation
         at = GroundPose(x_m=float(x), y_m=float(y), yaw_rad=math.atan2(rotation[1, 0], rotation[0, 0]))
+        if stamp <= 0.0:
+            raise StreamError(f"{where}: it is not stamped")
         before = self.newest
         if before is not None and stamp <= before.stamp_s:
             if before.stamp_s - stamp > _BACK_S:
@@ -68,6 +94,8 @@ class OdometryTrack:
                     f"{where}: the robot's clock went back from {before.stamp_s:.2f} s to {stamp:.2f} s"
                 )
             return
+        passed_s = 0.0 if before is None else received_s - before.received_s
+        self._least_s = min(self._least_s + _CLOCKS_DRIFT * passed_s, received_s - stamp)
         moment = OdometryMoment(
             stamp_s=stamp,
             received_s=received_s,

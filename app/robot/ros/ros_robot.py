@@ -38,6 +38,7 @@ from hgs_core.live.messages import (
 )
 from hgs_core.live.poses import numbers_of
 from hgs_core.robot.motion import Twist
+from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.sensing.ros.poses import ODOMETRY
 
@@ -71,8 +72,15 @@ class RosRobot:
         self._clock = clock
         self._say = say
         self._link: Link | None = None
+        self._complaint = ""
         self._schemas = bridge.topics()
         self.topics = chosen_topics(self._schemas, options.topics, source=bridge.url)
+        published = self._schemas.get(options.velocity_topic, TWIST)
+        if published != TWIST:
+            raise StreamError(
+                f"{bridge.url}: {options.velocity_topic} is a topic of {published}, not of {TWIST}: have its "
+                "controller take unstamped velocities, or name another with --velocity-topic"
+            )
         limits = options.topics
         self.odometry = OdometryTrack(offset_s=limits.max_pose_offset_s, gap_s=limits.max_pose_gap_s)
         self._heard_odometry = threading.Event()
@@ -88,7 +96,7 @@ class RosRobot:
         )
         self._velocity = bridge.publisher(options.velocity_topic, TWIST)
         self._path = bridge.publisher(options.path_topic, PATH)
-        self.driver = RosDriver(options.drive, self.odometry, self._drive, clock.now_s)
+        self.driver = RosDriver(options.drive, self.odometry, self._drive, self._show, clock.now_s)
         self.desk = CommandDesk(self.driver, self._acknowledge)
         self._dead_man = DeadMan()
         self._halted = threading.Event()
@@ -120,7 +128,6 @@ class RosRobot:
         self._over.set()
         self._control.join()
         self.driver.drop()
-        self._path(path_content(None, frame=self._world_frame, stamp_s=0.0))
 
     def hello(self) -> Hello:
         options, fitted = self._options, self._fittings
@@ -142,13 +149,14 @@ class RosRobot:
             if apart
             else None,
             robot=options.drive.model_dump(mode="json"),
-            report=self.report(),
+            report=self._report(),  # a hello without one is refused, and is said once a connection
         )
 
     def report(self) -> Report | None:
         """None while nothing is heard of the robot: what it was is no news."""
-        if self.driver.stale:
-            return None
+        return None if self.driver.stale else self._report()
+
+    def _report(self) -> Report:
         moment = self.driver.moment
         state = moment.state
         return Report(
@@ -177,11 +185,8 @@ class RosRobot:
         if self._halted.is_set():
             return
         self.desk.obey(command, received_s)
-        if not isinstance(command, LimitSpeed):
-            newest = self.odometry.newest
-            shown = command if isinstance(command, FollowPath) else None
-            stamp_s = 0.0 if newest is None else newest.stamp_s
-            self._path(path_content(shown, frame=self._world_frame, stamp_s=stamp_s))
+        if self._halted.is_set():  # by another thread, meanwhile
+            self.halt()
 
     def halt(self) -> None:
         self._halted.set()
@@ -193,17 +198,31 @@ class RosRobot:
         return self.driver.stale or self.driver.moment.standing
 
     def _live(self) -> None:
-        while not self._over.wait(TICK_S):
-            if self._dead_man.trips(self._clock.now_s()):
-                self.dead_man_stops += 1
-                self._say(f"nothing heard for {self._dead_man.limit_s:g} s: the robot brakes")
-                self.desk.drop("nothing was heard of the service: the robot has stopped by itself")
-                self.driver.stop()
-            self.driver.tick()
-            self.desk.settle()
+        try:
+            while not self._over.wait(TICK_S):
+                self._tick()
+        except Exception as error:  # whatever it is: a robot that nobody controls must stand, and say so
+            self._break_off(StreamError(f"the control loop broke off: {error!r}"))
+            self.driver.drop()
+
+    def _tick(self) -> None:
+        if self._dead_man.trips(self._clock.now_s()):
+            self.dead_man_stops += 1
+            self._say(f"nothing heard for {self._dead_man.limit_s:g} s: the robot brakes")
+            self.desk.drop("nothing was heard of the service: the robot has stopped by itself")
+            self.driver.stop()
+        self.driver.tick()
+        if self.driver.stale:
+            self.desk.drop("nothing is heard of the robot's odometry, or too late")
+        self.desk.settle()
 
     def _drive(self, twist: Twist) -> None:
         self._velocity(twist_content(twist))
+
+    def _show(self, path: Path | None) -> None:
+        newest = self.odometry.newest
+        stamp_s = 0.0 if newest is None else newest.stamp_s
+        self._path(path_content(path, frame=self._world_frame, stamp_s=stamp_s))
 
     def _acknowledge(self, ack: Ack) -> None:
         if self._link is not None:
@@ -216,7 +235,9 @@ class RosRobot:
         except ClockSetBack as error:
             self._break_off(error)
         except StreamError as error:
-            self._say(str(error))
+            if str(error) != self._complaint:
+                self._complaint = str(error)
+                self._say(self._complaint)
         else:
             self._heard_odometry.set()
 
@@ -224,7 +245,7 @@ class RosRobot:
         if self.error is None and self._link is not None:
             self.error = error
             self.halt()
-            self._link.finish(Bye(reason="the robot's clock was set back"))
+            self._link.finish(Bye(reason="the robot cannot go on: see what its program says"))
 
     def _first_odometry(self) -> OdometryMoment:
         self._bridge.subscribe(self.topics.odometry, ODOMETRY, self._hear_odometry)

@@ -10,6 +10,7 @@ import math
 import struct
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -66,6 +67,8 @@ class FakeRosRobot:
         """Topics whose drivers have died."""
         self.spoil: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
         """What is done to the messages of a topic."""
+        self.odometry_late_s = 0.0
+        """By how much it comes late, as behind images on a slow line."""
         self.clock_s = 1_700_000_000.0
         self.heard: list[tuple[str, dict[str, Any]]] = []
         """What was published by clients."""
@@ -160,6 +163,7 @@ class FakeRosRobot:
 
     async def _live(self) -> None:
         lived_s, ticks = time.monotonic(), 0
+        waiting: deque[tuple[float, dict[str, Any]]] = deque()
         while True:
             await asyncio.sleep(_TICK_S)
             while lived_s + _TICK_S <= time.monotonic():
@@ -168,7 +172,9 @@ class FakeRosRobot:
                 if self.moves:
                     self.body.move_to(moved(self.pose, self._twist, _TICK_S))
             ticks += 1
-            await self._publish("/odom", self._odometry())
+            waiting.append((time.monotonic(), self._odometry()))
+            while waiting and time.monotonic() - waiting[0][0] >= self.odometry_late_s:
+                await self._publish("/odom", waiting.popleft()[1])
             if ticks % 5 == 0:
                 await self._publish("/scan", self._scan())
             if ticks % 10 == 0:
