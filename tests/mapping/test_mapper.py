@@ -126,7 +126,7 @@ def test_a_frame_that_shows_nothing_new_goes_into_the_voxels_alone(tmp_path: Pat
     information = mapper.gaussians.information[: mapper.gaussians.size].copy()
     voxels = mapper.voxels.version
 
-    again = mapper.integrate(smooth_wall(np.radians(0.5), 1), may_thin=True)
+    again = mapper.integrate(smooth_wall(np.radians(0.3), 1), may_thin=True)
     assert again.thinned
     assert again.psnr_predicted_db > 24.0
     np.testing.assert_array_equal(mapper.gaussians.parameters[: mapper.gaussians.size], parameters)
