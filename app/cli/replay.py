@@ -6,34 +6,32 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
-from app.cli.console import ERRORS, OUTPUT
-from app.cli.exit_codes import ExitCode
+from app.cli.console import OUTPUT
+from app.cli.live_missions import (
+    SERVER,
+    GiveUpOption,
+    MissionOption,
+    PresetOption,
+    RangeOption,
+    ServerOption,
+    SettingsOption,
+    TokenOption,
+    exit_for,
+    print_delays,
+    say,
+)
 from app.cli.recordings import TopicSettings, parse_topics
 from app.cli.run import parse_settings
 
 
 def replay(
     source: Annotated[Path, typer.Argument(help="A folder in the TUM layout, or an MCAP file.")],
-    server: Annotated[str, typer.Option(help="The service, http://HOST:PORT.")] = "http://127.0.0.1:8000",
-    token: Annotated[
-        str | None,
-        typer.Option(
-            envvar="HGS_OPERATOR_TOKEN",
-            help="An operator's token, where the service asks for one.",
-            show_default=False,
-        ),
-    ] = None,
-    mission: Annotated[
-        str | None,
-        typer.Option(metavar="ID", help="A mission that waits for its robot.", show_default="one is made"),
-    ] = None,
-    preset: Annotated[str, typer.Option(help="Preset of the mission that is made.")] = "best",
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
-    ] = None,
+    server: ServerOption = SERVER,
+    token: TokenOption = None,
+    mission: MissionOption = None,
+    preset: PresetOption = "best",
+    settings: SettingsOption = None,
     topics: TopicSettings = None,
     speed: Annotated[
         float, typer.Option(min=0.01, max=100.0, help="So many times as fast as it was recorded.")
@@ -48,13 +46,9 @@ def replay(
         bool,
         typer.Option(help="Tell the poses that the recording has; else the mission finds them by itself."),
     ] = True,
-    range_m: Annotated[
-        float, typer.Option("--range", min=0.1, max=100.0, metavar="M", help="Depth beyond is not used.")
-    ] = 5.0,
+    range_m: RangeOption = 5.0,
     depth_format: Annotated[str, typer.Option(help="How depth travels: png or zstd.")] = "zstd",
-    give_up_after: Annotated[
-        float, typer.Option(min=0.0, metavar="S", help="How long to try to reach a service that is away.")
-    ] = 60.0,
+    give_up_after: GiveUpOption = 60.0,
 ) -> None:
     """Send a recorded RGB-D stream to `hgs serve` as if it were taken now, and watch the map grow.
 
@@ -71,7 +65,6 @@ def replay(
     4 - the service was out of reach for too long;
     130 - it was interrupted.
     """
-    from app.robot.outcome import Outcome
     from app.robot.replay import ReplayOptions, run_replay
     from hgs_core.live.messages import FORMATS
 
@@ -94,7 +87,7 @@ def replay(
             depth_format=depth_format,
             give_up_after_s=give_up_after,
         ),
-        lambda message: ERRORS.print(Text(message), soft_wrap=True),
+        say,
     )
     delays, link = run.sent_to_map_s, run.link
     OUTPUT.print(
@@ -102,9 +95,6 @@ def replay(
         f"{link.refused} refused, {run.skipped} skipped",
         highlight=False,
     )
-    if delays.p95 is not None:
-        OUTPUT.print(f"frame to map: median {delays.p50:.2f} s, p95 {delays.p95:.2f} s", highlight=False)
+    print_delays(delays)
     OUTPUT.print(f"mission {run.mission}: {run.ending}", highlight=False, soft_wrap=True)
-    if run.outcome is Outcome.INTERRUPTED:
-        raise typer.Exit(ExitCode.INTERRUPTED)
-    raise typer.Exit(ExitCode.FAILED if run.outcome is Outcome.GIVEN_UP else ExitCode.COMPLETE)
+    raise exit_for(run.outcome)

@@ -6,10 +6,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
 from app.cli.console import ERRORS, OUTPUT
 from app.cli.exit_codes import ExitCode
+from app.cli.live_missions import (
+    SERVER,
+    GiveUpOption,
+    MissionOption,
+    PresetOption,
+    ServerOption,
+    SettingsOption,
+    print_delays,
+    say,
+)
 from app.cli.report_table import report_table
 from app.cli.run import parse_settings
 
@@ -21,9 +30,7 @@ _RECORDINGS = "Recordings"
 
 
 def robot(
-    server: Annotated[
-        str, typer.Option(help="The service, http://HOST:PORT.", show_default=True)
-    ] = "http://127.0.0.1:8000",
+    server: ServerOption = SERVER,
     token: Annotated[
         str | None,
         typer.Option(
@@ -43,23 +50,15 @@ def robot(
         Path | None, typer.Option(help="Folder for the results; must be absent or empty.", show_default=False)
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Noise and faults draw from it.")] = 0,
-    mission: Annotated[
-        str | None,
-        typer.Option(metavar="ID", help="A mission that waits for its robot.", show_default="one is made"),
-    ] = None,
-    preset: Annotated[str, typer.Option(help="Preset of the mission that is made.")] = "paper",
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
-    ] = None,
+    mission: MissionOption = None,
+    preset: PresetOption = "paper",
+    settings: SettingsOption = None,
     sensor: Annotated[str, typer.Option(help="Preset of camera and scanner.")] = "rgbd_5m_small",
     frame_rate: Annotated[
         float, typer.Option(min=0.1, max=60.0, metavar="HZ", help="Frames a second.")
     ] = 2.5,
     depth_format: Annotated[str, typer.Option(help="How depth travels: png or zstd.")] = "png",
-    give_up_after: Annotated[
-        float, typer.Option(min=0.0, metavar="S", help="How long to try to reach a service that is away.")
-    ] = 60.0,
+    give_up_after: GiveUpOption = 60.0,
     evaluate: Annotated[
         bool, typer.Option(help="Compare the finished map with the true scene; takes up to a minute.")
     ] = True,
@@ -208,14 +207,13 @@ def _run(options: RobotOptions) -> ExitCode:
     from app.robot.outcome import Outcome
     from app.robot.program import run_robot
 
-    run = run_robot(options, _say)
+    run = run_robot(options, say)
     OUTPUT.print(report_table(run.report))
     delays = run.robot.sent_to_map_s
-    if delays.p95 is not None:
-        OUTPUT.print(f"frame to map: median {delays.p50:.2f} s, p95 {delays.p95:.2f} s", highlight=False)
+    print_delays(delays)
     OUTPUT.print(f"results: {options.out}", highlight=False, soft_wrap=True)
     if run.outcome is Outcome.INTERRUPTED:
-        _say(
+        say(
             "the mission goes on without its robot: stop it on the operator page, or send a robot with "
             "--mission"
         )
@@ -253,7 +251,3 @@ def _record(options: RobotOptions, folder: Path, along: Path, source: str) -> No
             progress=lambda k, n: status.update(f"rendering frame {k + 1} of {n}"),
         )
     OUTPUT.print(f"{n_frames} frames: {folder}", highlight=False, soft_wrap=True)
-
-
-def _say(message: str) -> None:
-    ERRORS.print(Text(message), soft_wrap=True)

@@ -5,25 +5,29 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
-from app.cli.console import ERRORS, OUTPUT
-from app.cli.exit_codes import ExitCode
+from app.cli.console import OUTPUT
+from app.cli.live_missions import (
+    SERVER,
+    GiveUpOption,
+    MissionOption,
+    PresetOption,
+    RangeOption,
+    ServerOption,
+    SettingsOption,
+    TokenOption,
+    exit_for,
+    print_delays,
+    say,
+)
 from app.cli.recordings import parse_topic_options
 from app.cli.run import parse_settings
 
 
 def ros(
     bridge: Annotated[str, typer.Option(help="The robot's rosbridge server.")] = "ws://127.0.0.1:9090",
-    server: Annotated[str, typer.Option(help="The service, http://HOST:PORT.")] = "http://127.0.0.1:8000",
-    token: Annotated[
-        str | None,
-        typer.Option(
-            envvar="HGS_OPERATOR_TOKEN",
-            help="An operator's token, where the service asks for one.",
-            show_default=False,
-        ),
-    ] = None,
+    server: ServerOption = SERVER,
+    token: TokenOption = None,
     robot: Annotated[
         str,
         typer.Option(help="Preset of its drive and size (`configs/robot`): wheeled, holonomic, ackermann."),
@@ -52,24 +56,14 @@ def ros(
     ] = None,
     velocity_topic: Annotated[str, typer.Option(help="geometry_msgs/Twist goes there.")] = "/cmd_vel",
     path_topic: Annotated[str, typer.Option(help="nav_msgs/Path goes there, to be looked at.")] = "/hgs/path",
-    mission: Annotated[
-        str | None,
-        typer.Option(metavar="ID", help="A mission that waits for its robot.", show_default="one is made"),
-    ] = None,
-    preset: Annotated[str, typer.Option(help="Preset of the mission that is made.")] = "best",
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the preset; may be repeated."),
-    ] = None,
+    mission: MissionOption = None,
+    preset: PresetOption = "best",
+    settings: SettingsOption = None,
     frame_rate: Annotated[
         float, typer.Option(min=0.1, max=60.0, metavar="HZ", help="At most so many frames a second.")
     ] = 2.5,
-    range_m: Annotated[
-        float, typer.Option("--range", min=0.1, max=100.0, metavar="M", help="Depth beyond is not used.")
-    ] = 5.0,
-    give_up_after: Annotated[
-        float, typer.Option(min=0.0, metavar="S", help="How long to try to reach a service that is away.")
-    ] = 60.0,
+    range_m: RangeOption = 5.0,
+    give_up_after: GiveUpOption = 60.0,
 ) -> None:
     """Let a ROS 2 robot explore: its camera, odometry and scanner come over rosbridge, velocities go back.
 
@@ -88,7 +82,6 @@ def ros(
     """
     import numpy as np
 
-    from app.robot.outcome import Outcome
     from app.robot.ros.program import RosOptions, run_ros
     from app.robot.ros.ros_robot import RosRobotOptions
     from app.robot.ros.topics import RosTopicOptions
@@ -121,7 +114,7 @@ def ros(
         settings=parse_settings(settings or []),
         give_up_after_s=give_up_after,
     )
-    run = run_ros(options, lambda message: ERRORS.print(Text(message), soft_wrap=True))
+    run = run_ros(options, say)
     delays, link = run.sent_to_map_s, run.link
     OUTPUT.print(
         f"{run.path_length_m:.1f} m driven; {link.sent} frames sent, {link.taken} in the map, "
@@ -131,9 +124,6 @@ def ros(
         highlight=False,
         soft_wrap=True,
     )
-    if delays.p95 is not None:
-        OUTPUT.print(f"frame to map: median {delays.p50:.2f} s, p95 {delays.p95:.2f} s", highlight=False)
+    print_delays(delays)
     OUTPUT.print(f"mission {run.mission}: {run.ending}", highlight=False, soft_wrap=True)
-    if run.outcome is Outcome.INTERRUPTED:
-        raise typer.Exit(ExitCode.INTERRUPTED)
-    raise typer.Exit(ExitCode.FAILED if run.outcome is Outcome.GIVEN_UP else ExitCode.COMPLETE)
+    raise exit_for(run.outcome)

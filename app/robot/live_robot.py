@@ -11,6 +11,7 @@ from app.robot.commands import CommandDesk
 from app.robot.control import ControlLoop
 from app.robot.dead_man import DeadMan
 from app.robot.onboard import Link
+from app.robot.telling import report_of
 from hgs_core.live.messages import (
     PROTOCOL,
     Ack,
@@ -95,19 +96,8 @@ class LiveRobot:
 
     def report(self) -> Report:
         moment = self.world.robot.moment
-        return Report(
-            time_s=self._clock.told_s(moment.state.timestamp_s),
-            x_m=moment.estimate.x_m,
-            y_m=moment.estimate.y_m,
-            yaw_rad=moment.estimate.yaw_rad,
-            path_length_m=moment.state.path_length_m,
-            standing=moment.standing,
-            command=self.desk.obeyed,
-            waypoints_passed=moment.waypoints_passed,
-            arrived=moment.arrived,
-            collisions=moment.state.collisions,
-            reversing=moment.state.reversing,
-        )
+        time_s = self._clock.told_s(moment.state.timestamp_s)
+        return report_of(moment, time_s=time_s, command=self.desk.obeyed)
 
     def welcomed(self, welcome: Welcome, received_s: float) -> None:
         self.desk.begin()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import signal
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from app.missions.states import MissionState
 from app.robot.carried_camera import CarriedCamera
 from app.robot.client import RobotClient
 from app.robot.clock import RobotClock
 from app.robot.figures import Delays, RobotReport
 from app.robot.link_faults import FrameFaults
 from app.robot.live_robot import LiveRobot
+from app.robot.mission import mission_word, new_mission, until_over
 from app.robot.options import RobotOptions
 from app.robot.outcome import MissionWord, Outcome
 from app.robot.recording import FrameRecording
@@ -39,7 +37,6 @@ from hgs_core.simulation.driven_world import DrivenWorld
 REGION_MARGIN_M: Final = 0.2
 _RESULTS_S: Final = 900.0
 """Mesh and evaluation take the service so long at most."""
-_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,12 +129,9 @@ class _Program:
             if word.over is not None:
                 raise RobotError(f"mission {options.mission} takes no robot: {word.over}")
             return options.mission
-        mission = self._api.create_live_mission(
-            preset=options.preset, seed=options.seed, overrides=options.overrides()
+        return new_mission(
+            self._api, preset=options.preset, seed=options.seed, overrides=options.overrides(), say=self._say
         )
-        self._api.start(mission)
-        self._say(f"mission {mission} is made and started")
-        return mission
 
     def _word(self, mission: str) -> MissionWord:
         """A robot's token opens the way in alone: then the service's close codes have to tell."""
@@ -257,28 +251,6 @@ class _Program:
                 raise
             self._say(f"the map stays with the service, and is not compared with anything: {error}")
             return None, None
-
-
-async def until_over(client: RobotClient) -> Outcome:
-    """Ctrl-C, which the main thread alone hears of, lets the robot stand and leave."""
-    loop = asyncio.get_running_loop()
-    heard = _SIGNALS if threading.current_thread() is threading.main_thread() else ()
-    for number in heard:
-        loop.add_signal_handler(number, client.interrupt)
-    try:
-        return await client.run()
-    finally:
-        for number in heard:
-            loop.remove_signal_handler(number)
-
-
-def mission_word(detail: dict[str, Any]) -> MissionWord:
-    """How a mission is, from its detail."""
-    state = MissionState(detail["state"])
-    if state.ended or state is MissionState.STOPPING:
-        return MissionWord(over=f"the mission is {state}: {detail['reason']}")
-    waits = state in (MissionState.CREATED, MissionState.QUEUED, MissionState.STARTING)
-    return MissionWord(waits=waits)
 
 
 def region_of(scene: Scene) -> list[list[float]]:

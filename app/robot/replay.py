@@ -6,23 +6,16 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
-
-import numpy as np
 
 from app.robot.carried_camera import CarriedCamera
-from app.robot.client import RobotClient
 from app.robot.clock import RobotClock
 from app.robot.figures import Delays, LinkFigures
-from app.robot.link_faults import FrameFaults, LinkFaults
+from app.robot.mission import client_for, new_mission, until_over
 from app.robot.outcome import Outcome
-from app.robot.program import mission_word, until_over
 from app.robot.rest import ServiceApi
 from app.robot.stream_playback import StreamPlayback
 from hgs_core.sensing.recording import open_recording
 from hgs_core.sensing.ros.topics import TopicOptions
-
-_NO_FAULTS: Final = LinkFaults()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,24 +70,18 @@ def run_replay(options: ReplayOptions, say: Callable[[str], None]) -> ReplayRun:
         with_poses=options.with_poses,
     )
     api = ServiceApi(options.server, options.token)
-    mission = options.mission
-    if mission is None:
-        mission = api.create_live_mission(
-            preset=options.preset, seed=options.seed, overrides=options.settings
-        )
-        api.start(mission)
-        say(f"mission {mission} is made and started")
+    mission = options.mission or new_mission(
+        api, preset=options.preset, seed=options.seed, overrides=options.settings, say=say
+    )
     clock = RobotClock(0.0)
     camera = CarriedCamera(playback, clock, name=source.name, speed=options.speed, waits=options.every_frame)
-    client = RobotClient(
-        api.ingest_url(mission),
+    client = client_for(
+        api,
+        mission,
         camera,
         token=options.token,
         clock=clock,
-        faults=_NO_FAULTS,
-        frame_faults=FrameFaults(_NO_FAULTS, np.random.default_rng(0)),
         give_up_after_s=options.give_up_after_s,
-        mission_word=lambda: mission_word(api.mission(mission)),
         say=say,
     )
     outcome = asyncio.run(until_over(client))

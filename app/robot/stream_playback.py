@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from app.robot.telling import camera_facts, depth_camera_facts
 from hgs_core.errors import StreamError
-from hgs_core.geometry.lens import LensCamera
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.images import encoded_colour, encoded_depth
-from hgs_core.live.messages import PROTOCOL, CameraFacts, DepthCameraFacts, Frame, Hello, LensFacts
+from hgs_core.live.messages import PROTOCOL, Frame, Hello
 from hgs_core.live.poses import numbers_of
 from hgs_core.sensing.raw_frame import FrameSource, RawFrame
 
@@ -50,23 +49,13 @@ class StreamPlayback:
     def hello(self, name: str) -> Hello:
         assert self._first is not None
         colour, depth = self._first.colour_camera, self._first.depth_camera
-        apart = colour != depth or not np.allclose(self._first.T_colour_depth.as_matrix(), np.eye(4))
         intervals = np.diff(self.timestamps_s)
         interval_s = float(np.median(intervals)) / self._speed if len(intervals) else 1.0
         return Hello(
             protocol=PROTOCOL,
             name=name,
-            camera=CameraFacts(
-                **pinhole_facts(colour),
-                lens=lens_facts(colour),
-                range_m=self._range_m,
-                frame_interval_s=interval_s,
-            ),
-            depth_camera=None
-            if not apart
-            else DepthCameraFacts(
-                **pinhole_facts(depth), lens=lens_facts(depth), pose=numbers_of(self._first.T_colour_depth)
-            ),
+            camera=camera_facts(colour, range_m=self._range_m, frame_interval_s=interval_s),
+            depth_camera=depth_camera_facts(depth, colour, self._first.T_colour_depth),
             robot=None,
         )
 
@@ -93,30 +82,3 @@ class StreamPlayback:
                 self._newest = raw
                 return raw
         raise StreamError(f"{self._source.name}: frame {index} is missing")
-
-
-class PinholeFacts(TypedDict):
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-
-
-def pinhole_facts(camera: LensCamera) -> PinholeFacts:
-    facts = camera.intrinsics
-    return {
-        "width": facts.width,
-        "height": facts.height,
-        "fx": facts.fx,
-        "fy": facts.fy,
-        "cx": facts.cx,
-        "cy": facts.cy,
-    }
-
-
-def lens_facts(camera: LensCamera) -> LensFacts:
-    return LensFacts(
-        model=camera.distortion.model, coefficients=[float(c) for c in camera.distortion.coefficients]
-    )

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numpy as np
-
 from app.robot.clock import RobotClock
 from app.robot.onboard import Link
+from app.robot.ros.complaints import Complaints
 from app.robot.ros.content import bytes_of, read
 from app.robot.ros.odometry import OdometryTrack
+from app.robot.ros.scans import scan_part
 from hgs_core.errors import StreamError
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.images import encoded_colour, encoded_depth
@@ -59,15 +59,13 @@ class RosCamera:
     ) -> None:
         self.skipped = 0
         """Not sent for want of a connection or a credit."""
-        self.unread = 0
-        """Images and scans that are not what they should be."""
         self._odometry = odometry
         self._clock = clock
         self._T_base_camera = T_base_camera
         self._T_base_laser = T_base_laser
         self._interval_s = interval_s
         self._offset_s = max_depth_offset_s
-        self._say = say
+        self._complain = Complaints(say)
         self._colour: deque[_Waiting] = deque()
         self._depth: deque[_Waiting] = deque()
         self._paired_s = math.inf
@@ -75,11 +73,15 @@ class RosCamera:
         self._scan: _Waiting | None = None
         self._sequence = 0
         self._newest_s = -math.inf
-        self._complaint = ""
         self._arrived = threading.Condition()
         self._over = False
         self._thread = threading.Thread(target=self._run, name="ros-camera", daemon=True)
         self._link: Link | None = None
+
+    @property
+    def unread(self) -> int:
+        """Images and scans that are not what they should be."""
+        return self._complain.count
 
     def start(self, link: Link) -> None:
         self._link = link
@@ -209,33 +211,6 @@ class RosCamera:
             self._complain(error)
             self._scan = None
             return None
-
-    def _complain(self, error: StreamError) -> None:
-        self.unread += 1
-        if str(error) != self._complaint:
-            self._complaint = str(error)
-            self._say(self._complaint)
-
-
-def scan_part(message: Any, T_world_laser: SE3, where: str) -> ScanPart:
-    """Of a `sensor_msgs/LaserScan` that lies level, the right way up or upside down.
-
-    rosbridge writes what is not finite as null: such a ray may have met nothing, or not have come back, and
-    counts as the latter. Raises `StreamError` for angles that are none, and a scanner that is tilted.
-    """
-    ranges = np.array([np.nan if value is None else value for value in message.ranges], dtype=np.float32)
-    known = np.isfinite(ranges) & (ranges >= message.range_min) & (ranges <= message.range_max)
-    up = float(T_world_laser.rotation[2, 2])
-    if abs(up) < 0.99:
-        raise StreamError(f"{where}: the scanner is tilted by {math.degrees(math.acos(up)):.0f} degrees")
-    ahead = T_world_laser.rotation[:, 0]
-    side = 1.0 if up > 0 else -1.0
-    return ScanPart(
-        origin_m=T_world_laser.translation.tolist(),
-        first_bearing_rad=math.atan2(ahead[1], ahead[0]) + side * float(message.angle_min),
-        step_rad=side * float(message.angle_increment),
-        ranges_m=np.where(known, ranges, np.float32(0.0)).astype("<f4").tobytes(),
-    )
 
 
 def _with_bytes(image: _Waiting) -> dict[str, Any]:

@@ -6,18 +6,16 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from app.robot.ros.content import read
+from app.robot.ros.scans import is_level
 from app.robot.ros.topics import LASER_SCAN, RosTopics
 from hgs_core.errors import StreamError
 from hgs_core.geometry.lens import LensCamera
 from hgs_core.geometry.se3 import SE3
 from hgs_core.sensing.ros.cameras import CAMERA_INFO, lens_camera
 from hgs_core.sensing.ros.transforms import TF_MESSAGE, TransformTree
-
-_LEVEL: Final = 0.99
-"""Cosine of how far a scanner may be tilted: eight degrees."""
 
 
 class Bridge(Protocol):
@@ -67,7 +65,7 @@ def heard_fittings(
     (colour, colour_frame), (depth, depth_frame) = (listener.heard(topic) for topic in infos)
     T_base_camera = camera_on_base or listener.placed(base, colour_frame)
     T_base_laser = None if topics.scan is None else listener.placed(base, listener.heard(topics.scan))
-    if T_base_laser is not None and abs(T_base_laser.rotation[2, 2]) < _LEVEL:
+    if T_base_laser is not None and not is_level(T_base_laser):
         raise StreamError(
             f"{bridge.url}: the scanner of {topics.scan} is mounted at a tilt: name one that lies level, or "
             "do without by --topic scan=none"

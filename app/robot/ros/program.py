@@ -5,21 +5,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
 
-import numpy as np
-
-from app.robot.client import RobotClient
 from app.robot.clock import RobotClock
 from app.robot.figures import Delays, LinkFigures
-from app.robot.link_faults import FrameFaults, LinkFaults
+from app.robot.mission import client_for, new_mission, until_over
 from app.robot.outcome import Outcome
-from app.robot.program import mission_word, until_over
 from app.robot.rest import ServiceApi
 from app.robot.ros.bridge import Rosbridge
 from app.robot.ros.ros_robot import RosRobot, RosRobotOptions
-
-_NO_FAULTS: Final = LinkFaults()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,20 +72,16 @@ def _driven(bridge: Rosbridge, options: RosOptions, say: Callable[[str], None]) 
         f"scans {robot.topics.scan or 'none'}"
     )
     api = ServiceApi(options.server, options.token)
-    mission = options.mission
-    if mission is None:
-        mission = api.create_live_mission(preset=options.preset, seed=0, overrides=options.settings)
-        api.start(mission)
-        say(f"mission {mission} is made and started")
-    client = RobotClient(
-        api.ingest_url(mission),
+    mission = options.mission or new_mission(
+        api, preset=options.preset, seed=0, overrides=options.settings, say=say
+    )
+    client = client_for(
+        api,
+        mission,
         robot,
         token=options.token,
         clock=clock,
-        faults=_NO_FAULTS,
-        frame_faults=FrameFaults(_NO_FAULTS, np.random.default_rng(0)),
         give_up_after_s=options.give_up_after_s,
-        mission_word=lambda: mission_word(api.mission(mission)),
         say=say,
     )
     outcome = asyncio.run(until_over(client))

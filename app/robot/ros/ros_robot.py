@@ -8,27 +8,24 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from app.robot.clock import RobotClock
 from app.robot.commands import CommandDesk
 from app.robot.dead_man import DeadMan
 from app.robot.onboard import Link
 from app.robot.ros.camera import RosCamera
+from app.robot.ros.complaints import Complaints
 from app.robot.ros.content import PATH, TWIST, path_content, read, twist_content
 from app.robot.ros.driver import TICK_S, RosDriver
 from app.robot.ros.fittings import Bridge, heard_fittings, unheard
 from app.robot.ros.odometry import ClockSetBack, OdometryMoment, OdometryTrack
 from app.robot.ros.topics import LASER_SCAN, RosTopicOptions, chosen_topics
-from app.robot.stream_playback import lens_facts, pinhole_facts
+from app.robot.telling import camera_facts, depth_camera_facts, report_of
 from hgs_core.errors import StreamError
 from hgs_core.geometry.se3 import SE3
 from hgs_core.live.messages import (
     PROTOCOL,
     Ack,
     Bye,
-    CameraFacts,
-    DepthCameraFacts,
     FollowPath,
     Hello,
     LimitSpeed,
@@ -36,7 +33,6 @@ from hgs_core.live.messages import (
     Stop,
     Welcome,
 )
-from hgs_core.live.poses import numbers_of
 from hgs_core.robot.motion import Twist
 from hgs_core.robot.path import Path
 from hgs_core.robot.robot import RobotConfig
@@ -72,7 +68,7 @@ class RosRobot:
         self._clock = clock
         self._say = say
         self._link: Link | None = None
-        self._complaint = ""
+        self._complain = Complaints(say)
         self._schemas = bridge.topics()
         self.topics = chosen_topics(self._schemas, options.topics, source=bridge.url)
         published = self._schemas.get(options.velocity_topic, TWIST)
@@ -131,23 +127,16 @@ class RosRobot:
 
     def hello(self) -> Hello:
         options, fitted = self._options, self._fittings
-        colour, depth = fitted.colour, fitted.depth
-        apart = depth != colour or not np.allclose(fitted.T_colour_depth.as_matrix(), np.eye(4))
         return Hello(
             protocol=PROTOCOL,
             name=options.name,
-            camera=CameraFacts(
-                **pinhole_facts(colour),
-                lens=lens_facts(colour),
+            camera=camera_facts(
+                fitted.colour,
                 range_m=options.range_m,
-                mount_height_m=float(fitted.T_base_camera.translation[2]),
                 frame_interval_s=options.frame_interval_s,
+                mount_height_m=float(fitted.T_base_camera.translation[2]),
             ),
-            depth_camera=DepthCameraFacts(
-                **pinhole_facts(depth), lens=lens_facts(depth), pose=numbers_of(fitted.T_colour_depth)
-            )
-            if apart
-            else None,
+            depth_camera=depth_camera_facts(fitted.depth, fitted.colour, fitted.T_colour_depth),
             robot=options.drive.model_dump(mode="json"),
             report=self._report(),  # a hello without one is refused, and is said once a connection
         )
@@ -158,19 +147,7 @@ class RosRobot:
 
     def _report(self) -> Report:
         moment = self.driver.moment
-        state = moment.state
-        return Report(
-            time_s=state.timestamp_s,
-            x_m=state.x_m,
-            y_m=state.y_m,
-            yaw_rad=state.yaw_rad,
-            path_length_m=state.path_length_m,
-            standing=moment.standing,
-            command=self.desk.obeyed,
-            waypoints_passed=moment.waypoints_passed,
-            arrived=moment.arrived,
-            reversing=state.reversing,
-        )
+        return report_of(moment, time_s=moment.state.timestamp_s, command=self.desk.obeyed)
 
     def welcomed(self, welcome: Welcome, received_s: float) -> None:
         self.desk.begin()
@@ -235,9 +212,7 @@ class RosRobot:
         except ClockSetBack as error:
             self._break_off(error)
         except StreamError as error:
-            if str(error) != self._complaint:
-                self._complaint = str(error)
-                self._say(self._complaint)
+            self._complain(error)
         else:
             self._heard_odometry.set()
 

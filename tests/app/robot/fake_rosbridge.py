@@ -27,6 +27,7 @@ from hgs_core.robot.vehicle import robot_config
 from hgs_core.scene.obstacles import BodyObstacles
 from hgs_core.scene.scene import Scene
 from hgs_core.simulation.body import Body
+from tests.app.robot.own_loop import OwnLoop
 
 DRIVE = robot_config(load_preset("robot", "wheeled"))
 CAMERA = CameraIntrinsics.centred(60, 34, 30.0)
@@ -34,7 +35,6 @@ MOUNT_M = (0.1, 1.0)
 """Ahead of and above the base."""
 SCANNER_M = 0.15
 N_RAYS = 36
-PATIENCE_S = 30.0
 _TICK_S = 0.02
 _VELOCITY_HOLDS_S = 0.5
 """A base that is told nothing for so long stands."""
@@ -79,7 +79,7 @@ class FakeRosRobot:
         self._began_s = time.monotonic()
         self._subscribed: set[str] = set()
         self._clients: set[ServerConnection] = set()
-        self._loop = asyncio.new_event_loop()
+        self._own = OwnLoop()
 
     @property
     def pose(self) -> GroundPose:
@@ -104,21 +104,12 @@ class FakeRosRobot:
             for client in list(self._clients):
                 client.transport.abort()
 
-        asyncio.run_coroutine_threadsafe(abort(), self._loop).result(PATIENCE_S)
+        self._own.call(abort())
 
     @contextmanager
     def serving(self) -> Iterator[FakeRosRobot]:
-        ready, over = threading.Event(), asyncio.Event()
-        work = self._run(ready, over)
-        thread = threading.Thread(target=lambda: self._loop.run_until_complete(work), daemon=True)
-        thread.start()
-        assert ready.wait(PATIENCE_S)
-        try:
+        with self._own.running(self._run):
             yield self
-        finally:
-            self._loop.call_soon_threadsafe(over.set)
-            thread.join(PATIENCE_S)
-            self._loop.close()
 
     # On the server's own thread.
 

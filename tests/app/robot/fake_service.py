@@ -30,8 +30,7 @@ from hgs_core.live.messages import (
     encoded,
     from_robot,
 )
-
-PATIENCE_S = 30.0
+from tests.app.robot.own_loop import PATIENCE_S, OwnLoop
 
 
 class FakeService:
@@ -51,7 +50,7 @@ class FakeService:
         self.most_on_their_way = 0
         self.port = 0
         self._socket: ServerConnection | None = None
-        self._loop = asyncio.new_event_loop()
+        self._own = OwnLoop()
 
     @property
     def url(self) -> str:
@@ -78,7 +77,7 @@ class FakeService:
 
     def say(self, *messages: ToRobot | bytes | str) -> None:
         """In one breath."""
-        self._call(self._send([m if isinstance(m, bytes | str) else encoded(m) for m in messages]))
+        self._own.call(self._send([m if isinstance(m, bytes | str) else encoded(m) for m in messages]))
 
     def cut(self) -> None:
         """As when the cable is pulled and the system notices: no goodbye."""
@@ -87,14 +86,14 @@ class FakeService:
             assert self._socket is not None
             self._socket.transport.abort()
 
-        self._call(abort())
+        self._own.call(abort())
 
     def close_with(self, code: int) -> None:
         async def close() -> None:
             assert self._socket is not None
             await self._socket.close(code, "as the test wants it")
 
-        self._call(close())
+        self._own.call(close())
 
     def path(
         self,
@@ -125,9 +124,6 @@ class FakeService:
         return End(now_s=self.now_s(), reason="all was seen")
 
     # On the service's own thread.
-
-    def _call(self, work: Any) -> None:
-        asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE_S)
 
     async def _send(self, contents: list[bytes | str]) -> None:
         assert self._socket is not None
@@ -200,15 +196,5 @@ class FakeService:
 
     @contextmanager
     def serving(self) -> Iterator[FakeService]:
-        ready, over = threading.Event(), asyncio.Event()
-        thread = threading.Thread(
-            target=lambda: self._loop.run_until_complete(self._run(ready, over)), daemon=True
-        )
-        thread.start()
-        assert ready.wait(PATIENCE_S)
-        try:
+        with self._own.running(self._run):
             yield self
-        finally:
-            self._loop.call_soon_threadsafe(over.set)
-            thread.join(PATIENCE_S)
-            self._loop.close()

@@ -65,7 +65,7 @@ def service(monkeypatch):
                 return fake.url
 
         monkeypatch.setattr(program, "ServiceApi", Api)
-        monkeypatch.setattr(program, "mission_word", lambda detail: MissionWord())
+        monkeypatch.setattr("app.robot.mission.mission_word", lambda detail: MissionWord())
         yield fake
 
 

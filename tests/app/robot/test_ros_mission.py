@@ -2,29 +2,20 @@
 
 import subprocess
 import sys
-import time
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
 
+from app.robot.rest import ServiceApi
+from app.robot.results import finished_mission
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.scene.scene import open_scene
 from tests.app.robot.fake_rosbridge import FakeRosRobot
-from tests.app.served import Served, served
+from tests.app.served import served
 from tests.mission.small_room import write_small_room
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")
-
-
-def ended(service: Served) -> dict[str, Any]:
-    """The only mission, once its results are written."""
-    deadline = time.monotonic() + 300
-    while (mission := httpx.get(f"{service.api}/missions").json()["missions"][0])["ended_at"] is None:
-        assert time.monotonic() < deadline, mission
-        time.sleep(0.5)
-    return mission
 
 
 @pytest.mark.slow
@@ -46,7 +37,9 @@ def test_a_ros_robot_explores_a_room(tmp_path, capsys):
         assert done.returncode == 0, done.stderr
         with capsys.disabled():
             sys.stdout.write(f"\n{done.stdout}")
-        mission = ended(service)
+        only = httpx.get(f"{service.api}/missions").json()["missions"][0]["id"]
+        api = ServiceApi(service.url, None)
+        mission = finished_mission(api, only, patience_s=300, say=lambda _: None)
     assert mission["stop_reason"] == "complete"
     assert robot.body.collisions == 0
     assert robot.body.path_length_m > 2.0
