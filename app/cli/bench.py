@@ -228,6 +228,12 @@ def localisation(
     interval: Annotated[
         float, typer.Option(metavar="S", help="Along a run's path, so long between two frames.")
     ] = 0.2,
+    maps: Annotated[
+        bool,
+        typer.Option(
+            "--maps", help="Also map a run's frames from the poses found, and tell what the errors cost."
+        ),
+    ] = False,
     settings: Settings = None,
     topics: TopicSettings = None,
     json: JsonFile = None,
@@ -248,6 +254,7 @@ def localisation(
             config,
             interval_s=interval,
             topics=parse_topics(topics),
+            with_maps=maps,
             progress=status.update,
         )
     print_localisation(figures)

@@ -9,7 +9,7 @@ from rich.table import Table
 from app.cli.console import OUTPUT
 
 if TYPE_CHECKING:
-    from hgs_core.benchmark.localisation import LocalisationBenchmark
+    from hgs_core.benchmark.localisation import LocalisationBenchmark, LocalisedMaps
     from hgs_core.evaluation.trajectory_error import ErrorSpread
 
 
@@ -39,6 +39,26 @@ def print_localisation(figures: LocalisationBenchmark) -> None:
         table.add_row(name, *_cells(spread, factor))
     OUTPUT.print(table)
     OUTPUT.print(f"drift at the end: {aligned.drift_percent:.2f} % of the path", highlight=False)
+    if figures.maps is not None:
+        _print_maps(figures.maps)
+
+
+def _print_maps(maps: LocalisedMaps) -> None:
+    table = Table(title="what it costs the map", title_justify="left")
+    for name in ("", "true poses", "nearest alignment", "first poses aligned"):
+        table.add_column(name, justify="right" if name else "left")
+    columns = (maps.true_poses, maps.nearest, maps.first_pose)
+    for name, key, form in (
+        ("accuracy cm", "accuracy_cm", ".2f"),
+        ("completion cm", "completion_cm_observable", ".2f"),
+        ("completion ratio", "completion_ratio_observable", ".3f"),
+        ("median depth error cm", "median_depth_error_cm", ".2f"),
+        ("PSNR dB", "psnr_db", ".2f"),
+        ("SSIM", "ssim", ".3f"),
+        ("Gaussians", "n_gaussians", ","),
+    ):
+        table.add_row(name, *(f"{getattr(column, key):{form}}" for column in columns))
+    OUTPUT.print(table)
 
 
 def _cells(spread: ErrorSpread, factor: float) -> list[str]:

@@ -53,11 +53,13 @@ def replay(
     """Send a recorded RGB-D stream to `hgs serve` as if it were taken now, and watch the map grow.
 
     Its lens is undone and its depth aligned with colour by the service. Nobody drives a recording: no plans
-    are made, and the mission ends with it.
+    are made, and the mission ends with it. Clouds of a lidar go along where the mission is made to find its
+    poses by them, or where their topic is named: --topic cloud=/...
 
         hgs serve
         hgs replay rgbd_dataset_freiburg1_desk
         hgs replay drive.mcap --topic colour=/camera/color/image_raw/compressed --speed 2
+        hgs replay drive.mcap --every-frame --no-poses --set localisation.method=lidar-odometry
 
     Exit codes:
     0 - the recording is over, and the mission has its results;
@@ -95,6 +97,8 @@ def replay(
         f"{link.refused} refused, {run.skipped} skipped",
         highlight=False,
     )
+    if link.clouds_sent or link.clouds_lost:
+        OUTPUT.print(f"{link.clouds_sent} clouds sent, {link.clouds_lost} lost", highlight=False)
     print_delays(delays)
     OUTPUT.print(f"mission {run.mission}: {run.ending}", highlight=False, soft_wrap=True)
     raise exit_for(run.outcome)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import heapq
 import threading
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import takewhile
 from typing import Final
 
 from app.robot.camera import TakenFrame
 from app.robot.clock import RobotClock
 from app.robot.onboard import Link
 from app.robot.playback import Playback
+from app.robot.recorded_lidar import cloud_message
 from hgs_core.errors import StreamError
 from hgs_core.live.messages import (
     Ack,
@@ -20,17 +25,36 @@ from hgs_core.live.messages import (
     Stop,
     Welcome,
 )
+from hgs_core.sensing.point_scan import PointScan
 
 _LOOK_S: Final = 0.02
 
 
+@dataclass(frozen=True, kw_only=True)
+class _RecordedFrame:
+    index: int
+    timestamp_s: float
+
+
 class CarriedCamera:
-    """Implements `Onboard`. It plays from the first welcome on; interruptions do not hold it up."""
+    """Implements `Onboard`. It plays from the first welcome on; interruptions do not hold it up.
+
+    What it tells is taken so long after the first as it was when recorded, however fast it plays and however
+    long it waits: motion between two frames and clouds is that of the recording.
+    """
 
     def __init__(
-        self, playback: Playback, clock: RobotClock, *, name: str, speed: float = 1.0, waits: bool = False
+        self,
+        playback: Playback,
+        clock: RobotClock,
+        *,
+        name: str,
+        clouds: Iterable[PointScan] = (),
+        speed: float = 1.0,
+        waits: bool = False,
     ) -> None:
-        """`speed`: so many times as fast as it was recorded. `waits`: rather than skip a frame."""
+        """`clouds`: of a lidar beside the camera, their times rising, on the clock of the frames. `speed`: so
+        many times as fast as it was recorded. `waits`: rather than skip a frame."""
         self.skipped = 0
         self.late = 0
         self.taken: dict[int, TakenFrame] = {}
@@ -38,6 +62,7 @@ class CarriedCamera:
         self.error: StreamError | None = None
         """Why it broke off, if it did."""
         self._playback = playback
+        self._clouds = clouds
         self._speed = speed
         self._waits = waits
         self._clock = clock
@@ -95,21 +120,38 @@ class CarriedCamera:
 
     def _play(self, link: Link) -> bool:
         """Whether it came to its end."""
-        began_s, times_s = self._clock.now_s(), self._playback.timestamps_s
-        for index, at_s in enumerate((times_s - times_s[0]) / self._speed):
-            due_s = began_s + float(at_s)
+        began_s, first_s = self._clock.now_s(), None
+        for item in self._recorded():
+            first_s = item.timestamp_s if first_s is None else first_s
+            since_s = item.timestamp_s - first_s
+            due_s, told_s = began_s + since_s / self._speed, self._clock.told_s(began_s + since_s)
             if self._over.wait(max(due_s - self._clock.now_s(), 0.0)):
                 return False
+            # A cloud costs no credit, but does not run ahead of frames that are waited for.
             while self._waits and not link.may_send_frame():
                 if self._over.wait(_LOOK_S):
                     return False
-            if not link.may_send_frame():
+            if isinstance(item, PointScan):
+                link.send_cloud(cloud_message(item, told_s))
+            elif link.may_send_frame():
+                taken_s = max(due_s, self._clock.now_s()) if self._waits else due_s
+                self._send_frame(link, item.index, told_s, taken_s)
+            else:
                 self.skipped += 1
-                continue
-            taken_s = max(due_s, self._clock.now_s()) if self._waits else due_s
-            frame = self._playback.frame(index, self._clock.told_s(taken_s))
-            pose = self._playback.pose(index)
-            if pose is not None:
-                self.taken[index] = TakenFrame(timestamp_s=taken_s, T_world_camera=pose, estimate=pose)
-            link.send_frame(frame, taken_s)
         return True
+
+    def _recorded(self) -> Iterator[PointScan | _RecordedFrame]:
+        """Frames and clouds in the order of their times, of one moment the cloud first; clouds after the last
+        frame, which nothing is located by, are left out."""
+        times_s = self._playback.timestamps_s
+        frames = (_RecordedFrame(index=k, timestamp_s=float(t)) for k, t in enumerate(times_s))
+        clouds = takewhile(lambda scan: scan.timestamp_s <= times_s[-1], self._clouds)
+        both: tuple[Iterable[PointScan | _RecordedFrame], ...] = (clouds, frames)
+        return heapq.merge(*both, key=lambda item: item.timestamp_s)
+
+    def _send_frame(self, link: Link, index: int, told_s: float, taken_s: float) -> None:
+        frame = self._playback.frame(index, told_s)
+        pose = self._playback.pose(index)
+        if pose is not None:
+            self.taken[index] = TakenFrame(timestamp_s=taken_s, T_world_camera=pose, estimate=pose)
+        link.send_frame(frame, taken_s)

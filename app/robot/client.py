@@ -22,6 +22,7 @@ from hgs_core.live.messages import (
     Ack,
     Answer,
     Bye,
+    Cloud,
     End,
     FollowPath,
     Frame,
@@ -123,6 +124,9 @@ class RobotClient:
     def send_frame(self, frame: Frame, taken_s: float) -> None:
         self._frames.handed_over()
         self._from_any_thread(self._send_frame, frame, taken_s)
+
+    def send_cloud(self, cloud: Cloud) -> None:
+        self._from_any_thread(self._send_cloud, cloud)
 
     def acknowledge(self, ack: Ack) -> None:
         self._from_any_thread(self._send, ack)
@@ -275,14 +279,18 @@ class RobotClient:
         if self._bye is not None:
             self._send(self._bye)
 
-    def _send(self, message: FromRobot) -> None:
-        """Lost where there is no connection, or too much waits for it."""
-        if self._connection is not None:
-            self._connection.send(message)
+    def _send(self, message: FromRobot) -> bool:
+        """Lost, and False, where there is no connection or too much waits for it."""
+        return self._connection is not None and self._connection.send(message)
 
     def _send_frame(self, frame: Frame, taken_s: float) -> None:
         for one in self._frames.sent(frame, taken_s):
             self._send(one)
+
+    def _send_cloud(self, cloud: Cloud) -> None:
+        is_sent = self._frames.welcomed and self._send(cloud)
+        self.figures.clouds_sent += is_sent
+        self.figures.clouds_lost += not is_sent
 
     def _finish(self, bye: Bye) -> None:
         self._bye = bye

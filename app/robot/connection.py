@@ -64,9 +64,9 @@ class Connection:
             close_timeout=1.0,
         )
 
-    def send(self, message: FromRobot) -> None:
-        """In a moment; lost when too much waits already."""
-        self._outbox.put(message)
+    def send(self, message: FromRobot) -> bool:
+        """In a moment; lost, and False, when too much waits already."""
+        return self._outbox.put(message)
 
     async def talk(self, over: asyncio.Event) -> str:
         """Until it ends, or until `over`; why it ended. The socket is closed afterwards."""

@@ -96,6 +96,9 @@ class LinkFigures:
     skipped: int = 0
     late: int = 0
     lost: int = 0
+    clouds_sent: int = 0
+    clouds_lost: int = 0
+    """For want of a connection, or as too much waited for it."""
     connections: int = 0
     not_understood: int = 0
     refusals: int = 0

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from hgs_core.live.messages import Ack, Bye, FollowPath, Frame, Hello, LimitSpeed, Report, Stop, Welcome
+from hgs_core.live.messages import (
+    Ack,
+    Bye,
+    Cloud,
+    FollowPath,
+    Frame,
+    Hello,
+    LimitSpeed,
+    Report,
+    Stop,
+    Welcome,
+)
 
 
 class Link(Protocol):
@@ -16,6 +27,10 @@ class Link(Protocol):
 
     def send_frame(self, frame: Frame, taken_s: float) -> None:
         """`taken_s` is when the camera took it, by the robot's clock. Lost without a connection."""
+        ...
+
+    def send_cloud(self, cloud: Cloud) -> None:
+        """It costs no credit. Lost without a connection."""
         ...
 
     def acknowledge(self, ack: Ack) -> None:

@@ -12,8 +12,10 @@ from app.robot.clock import RobotClock
 from app.robot.figures import Delays, LinkFigures
 from app.robot.mission import client_for, new_mission, until_over
 from app.robot.outcome import Outcome
+from app.robot.recorded_lidar import RecordedLidar, takes_clouds
 from app.robot.rest import ServiceApi
 from app.robot.stream_playback import StreamPlayback
+from hgs_core.sensing.raw_frame import FrameSource
 from hgs_core.sensing.recording import open_recording
 from hgs_core.sensing.ros.topics import TopicOptions
 
@@ -58,6 +60,10 @@ class ReplayRun:
 def run_replay(options: ReplayOptions, say: Callable[[str], None]) -> ReplayRun:
     """Send the whole recording, and wait until the mission has taken its end in.
 
+    Clouds of a lidar go to a mission that is made with `localisation.method` `lidar-odometry`, and to any
+    other when their topic is named: nothing else uses them. A mission that is made is told how the camera
+    sits on the lidar, unless the settings say it.
+
     Raises an `HgsError` for a recording that cannot be read or what the service refuses, and `OSError` where
     the service does not answer at the beginning.
     """
@@ -69,12 +75,22 @@ def run_replay(options: ReplayOptions, say: Callable[[str], None]) -> ReplayRun:
         depth_format=options.depth_format,
         with_poses=options.with_poses,
     )
+    lidar, mounting = _lidar(source, options)
+    for key, value in mounting.items():
+        say(f"{key}={value}, from tf")
     api = ServiceApi(options.server, options.token)
     mission = options.mission or new_mission(
-        api, preset=options.preset, seed=options.seed, overrides=options.settings, say=say
+        api, preset=options.preset, seed=options.seed, overrides=options.settings | mounting, say=say
     )
     clock = RobotClock(0.0)
-    camera = CarriedCamera(playback, clock, name=source.name, speed=options.speed, waits=options.every_frame)
+    camera = CarriedCamera(
+        playback,
+        clock,
+        name=source.name,
+        clouds=() if lidar is None else lidar.scans,
+        speed=options.speed,
+        waits=options.every_frame,
+    )
     client = client_for(
         api,
         mission,
@@ -95,3 +111,13 @@ def run_replay(options: ReplayOptions, say: Callable[[str], None]) -> ReplayRun:
         skipped=camera.skipped,
         link=client.figures,
     )
+
+
+def _lidar(source: FrameSource, options: ReplayOptions) -> tuple[RecordedLidar | None, dict[str, str]]:
+    """The lidar whose clouds are wanted, and settings that a mission is to be made with for it."""
+    is_made_for_it = options.mission is None and takes_clouds(options.settings)
+    topic = None if options.topics is None else options.topics.cloud
+    if not is_made_for_it and topic is None:
+        return None, {}
+    lidar = RecordedLidar(source, options.source, topic)
+    return lidar, lidar.mounting(options.settings) if is_made_for_it else {}

@@ -5,26 +5,17 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Bool
-from numpy import ndarray
-from pydantic import BaseModel, ConfigDict
 
+from hgs_core.benchmark.map_quality import MapQuality, MapTruth
 from hgs_core.errors import ConfigError
-from hgs_core.evaluation.ceiling import ObservableCeiling, observable_ceiling
-from hgs_core.evaluation.held_out import held_out_poses, observed_masks
-from hgs_core.evaluation.images import masked_mean, psnr_db, ssim_map
-from hgs_core.evaluation.surface import surface_metrics
 from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.gaussians.render import render
 from hgs_core.geometry.se3 import SE3
 from hgs_core.mapping.config import MappingConfig
 from hgs_core.mission.build import build_mapper
-from hgs_core.mission.ceiling import ceiling_request
 from hgs_core.mission.config import MissionConfig
 from hgs_core.native import kernels
 from hgs_core.scene.scene import Scene
@@ -49,36 +40,16 @@ ABLATIONS: Final[dict[str, dict[str, Any]]] = {
 }
 """What is switched off, and by which fields of `MappingConfig`."""
 
-_MIN_MASK_SHARE: Final = 0.01
 _NOISE_SEED: Final = 2
 _MAPPER_SEED: Final = 1
 
 
-class AblationRow(BaseModel):
+class AblationRow(MapQuality):
     """One map of the same frames."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
     name: str
-    psnr_db: float
-    """Over the observed part of 40 held-out views, as in a mission's report; likewise below."""
-    ssim: float
-    median_depth_error_cm: float
-    accuracy_cm: float
-    completion_cm_observable: float
-    completion_ratio_observable: float
-    n_gaussians: int
     mapping_s_per_frame: float
     """Wall seconds: of other loads on the machine as well."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Truth:
-    """What every map is compared with, found once."""
-
-    ceiling: ObservableCeiling
-    poses: SE3
-    masks: Bool[ndarray, "n_views height width"]
 
 
 def run_ablation(
@@ -103,7 +74,7 @@ def run_ablation(
     kernels.set_threads(config.threads)
     taken = poses[::every]
     progress("the truth that all maps are compared with")
-    truth = _truth(config, scene, taken, start_xy)
+    truth = MapTruth.of(config, scene, taken, start_xy)
     rows = []
     for name in dict.fromkeys([AS_IT_IS, *names]):
         mapping = _varied(config.mapping, ABLATIONS[name], every)
@@ -114,7 +85,8 @@ def run_ablation(
         with tempfile.TemporaryDirectory(prefix="hgs-bench-") as folder:
             gaussians, seconds = _map(config, mapping, scene, taken, Path(folder), report)
         report("comparing")
-        rows.append(_measure(name, config, scene, truth, gaussians, seconds))
+        quality = truth.quality_of(gaussians)
+        rows.append(AblationRow(name=name, mapping_s_per_frame=seconds, **quality.model_dump()))
     return rows
 
 
@@ -124,20 +96,6 @@ def _varied(mapping: MappingConfig, changes: dict[str, Any], every: int) -> Mapp
     for key, value in changes.items():
         content[key] = {**content[key], **value} if isinstance(value, dict) else value
     return MappingConfig.model_validate(content)
-
-
-def _truth(config: MissionConfig, scene: Scene, taken: SE3, start_xy: tuple[float, float]) -> _Truth:
-    camera = config.sensor.camera
-    ceiling = observable_ceiling(scene.caster, ceiling_request(config, start_xy))
-    poses = held_out_poses(ceiling.positions_m, camera_height_m=camera.mount_height_m)
-    masks = observed_masks(
-        scene.caster,
-        poses=poses,
-        training_poses=taken,
-        intrinsics=camera.intrinsics(),
-        range_m=camera.range_m,
-    )
-    return _Truth(ceiling=ceiling, poses=poses, masks=masks)
 
 
 def _map(
@@ -177,38 +135,3 @@ def _map(
             progress(f"frame {number + 1} of {n_frames}")
     mapper.prune()
     return mapper.gaussians, busy_s / max(n_frames, 1)
-
-
-def _measure(
-    name: str, config: MissionConfig, scene: Scene, truth: _Truth, gaussians: GaussianMap, seconds: float
-) -> AblationRow:
-    intrinsics = config.sensor.camera.intrinsics()
-    pictures, depth_errors = [], []
-    for index, mask in enumerate(truth.masks):
-        if mask.mean() < _MIN_MASK_SHARE:
-            continue
-        pose = truth.poses[index]
-        true_rgb, true_depth_m = scene.caster.render(intrinsics, pose)
-        reference = true_rgb.astype(np.float32) / np.float32(255.0)
-        view = render(gaussians, intrinsics, pose)
-        colour = np.clip(view.colour, 0.0, 1.0)
-        pictures.append((psnr_db(colour, reference, mask), masked_mean(ssim_map(colour, reference), mask)))
-        depth_errors.append(np.abs(view.depth_m - true_depth_m)[mask & np.isfinite(true_depth_m)])
-    surface = surface_metrics(
-        gaussians.centres_m,
-        samples=truth.ceiling.samples_m,
-        observable=truth.ceiling.observable,
-        distance_to_surface=scene.caster.distance_to_surface,
-    )
-    psnr, ssim = np.mean(pictures, axis=0)
-    return AblationRow(
-        name=name,
-        psnr_db=float(psnr),
-        ssim=float(ssim),
-        median_depth_error_cm=float(np.median(np.concatenate(depth_errors))) * 100,
-        accuracy_cm=surface.accuracy_cm,
-        completion_cm_observable=surface.completion_cm_observable,
-        completion_ratio_observable=surface.completion_ratio_observable,
-        n_gaussians=gaussians.size,
-        mapping_s_per_frame=seconds,
-    )

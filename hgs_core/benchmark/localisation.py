@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -9,22 +10,29 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 from pydantic import BaseModel, ConfigDict
 
+from hgs_core.benchmark.map_quality import MapQuality, MapTruth
 from hgs_core.errors import ConfigError, StreamError
 from hgs_core.evaluation.trajectory import Trajectory, read_trajectory
 from hgs_core.evaluation.trajectory_error import (
     FEWEST_POSES,
     Alignment,
     TrajectoryError,
+    aligning,
     trajectory_error,
+    umeyama,
 )
 from hgs_core.geometry.se3 import SE3
 from hgs_core.localisation.lidar_odometry import LidarOdometryConfig
 from hgs_core.localisation.localiser import LocalisationConfig, Lost
 from hgs_core.localisation.methods import build_localiser
+from hgs_core.mission.build import build_mapper
 from hgs_core.mission.config import resolve_mission_config
 from hgs_core.mission.finished_run import FinishedRun
+from hgs_core.native import kernels
 from hgs_core.sensing.depth_camera import with_uniform_noise
 from hgs_core.sensing.lidar import LidarConfig
 from hgs_core.sensing.point_scan import PointScan
@@ -39,7 +47,20 @@ TRAJECTORY: Final = "trajectory.txt"
 _PRESET: Final = "paper"
 """Any would do: its localisation section has nothing but what is set here."""
 _NOISE_SEED: Final = 0
+_MAPPER_SEED: Final = 1
 _GAP_S: Final = 1.0
+
+
+class LocalisedMaps(BaseModel):
+    """Maps of the same frames, as the run's settings make them, from poses of different origin."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    true_poses: MapQuality
+    first_pose: MapQuality
+    """From the poses that were found, the first put where it truly was; lost frames are left out."""
+    nearest: MapQuality
+    """The same, the whole path laid as near to the true one as it comes, directions counted as well."""
 
 
 class LocalisationBenchmark(BaseModel):
@@ -59,6 +80,8 @@ class LocalisationBenchmark(BaseModel):
     """Processor time of the method alone, of all threads, scans included."""
     umeyama: TrajectoryError
     first_pose: TrajectoryError
+    maps: LocalisedMaps | None = None
+    """What the errors cost the map; None where no maps were made."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +92,10 @@ class _Stream:
     n_frames: int
     start: SE3
     """The camera's true pose when the first frame, or scan, is taken."""
-    items: Iterator[AlignedFrame | PointScan]
+    items: Callable[[], Iterator[AlignedFrame | PointScan]]
+    """The same ones whenever it is called."""
+    run: FinishedRun | None = None
+    """Whose path it is, if a run's."""
 
 
 def localisation_settings(method: str, overrides: dict[str, str]) -> LocalisationConfig:
@@ -87,6 +113,7 @@ def run_localisation_benchmark(
     *,
     interval_s: float,
     topics: TopicOptions | None = None,
+    with_maps: bool = False,
     progress: Callable[[str], None] = lambda message: None,
 ) -> LocalisationBenchmark:
     """Localise along a recording (TUM folder or MCAP file), or along the path of a finished run.
@@ -94,14 +121,20 @@ def run_localisation_benchmark(
     A recording is taken as it is. The path of a run is driven again, with a frame every `interval_s` by that
     run's camera and, for `lidar-odometry`, with a VLP-16 above it. Poses are taken from the frames before
     the method sees them (but for `given`). Raises `StreamError` for a recording that cannot be read or has
-    no poses, or when too few frames are located, and `ConfigError` for a folder that is neither.
+    no poses, or when too few frames are located, and `ConfigError` for a folder that is neither, or for
+    `with_maps` of a recording: its true surface is not known.
     """
     stream = _stream(source, config, interval_s, topics)
+    if with_maps and stream.run is None:
+        raise ConfigError(
+            f"{source} is no folder that `hgs run` left behind: maps are compared with a true scene, which "
+            "a recording has not; leave --maps out"
+        )
     located: list[tuple[float, SE3]] = []
     true: list[tuple[float, SE3]] = []
     reasons: list[str] = []
     localiser, busy_s = build_localiser(config, start=stream.start), 0.0
-    for item in stream.items:
+    for item in stream.items():
         if isinstance(item, PointScan):
             began = time.process_time()
             localiser.take_scan(item)
@@ -125,6 +158,9 @@ def run_localisation_benchmark(
         why = reasons[0] if reasons else f"{len(true)} frames have a pose to compare with"
         raise StreamError(f"{stream.name}: {len(located)} frames were located; {why}")
     estimate, truth = _trajectory(located), _trajectory(true)
+    maps = None
+    if with_maps and stream.run is not None:
+        maps = _maps(stream.run, stream.items(), truth, estimate, progress)
     return LocalisationBenchmark(
         source=stream.name,
         method=config.method,
@@ -134,7 +170,65 @@ def run_localisation_benchmark(
         processor_s_per_frame=busy_s / len(true),
         umeyama=trajectory_error(estimate, truth, alignment=Alignment.UMEYAMA),
         first_pose=trajectory_error(estimate, truth, alignment=Alignment.FIRST_POSE),
+        maps=maps,
     )
+
+
+def _maps(
+    run: FinishedRun,
+    items: Iterator[AlignedFrame | PointScan],
+    truth: Trajectory,
+    estimate: Trajectory,
+    progress: Callable[[str], None],
+) -> LocalisedMaps:
+    """Map the frames from the true poses, and those that were located from where they were thought to be."""
+    rows = np.flatnonzero(np.isin(truth.timestamps_s, estimate.timestamps_s))
+    seen_from = SE3(rotation=truth.poses.rotation[rows], translation=truth.poses.translation[rows])
+    onto = {
+        "first_pose": aligning(estimate.poses, seen_from, Alignment.FIRST_POSE),
+        "nearest": umeyama(_corners(estimate.poses), _corners(seen_from)),
+    }
+    paths = {"true_poses": truth} | {
+        name: Trajectory(timestamps_s=estimate.timestamps_s, poses=motion @ estimate.poses)
+        for name, motion in onto.items()
+    }
+    kernels.set_threads(run.config.threads)
+    with tempfile.TemporaryDirectory(prefix="hgs-bench-") as folder:
+        mappers = {
+            name: build_mapper(
+                run.config,
+                region=None,
+                keyframe_folder=Path(folder) / name,
+                rng=np.random.default_rng(_MAPPER_SEED),
+            )
+            for name in paths
+        }
+        rows_at = {name: _rows_at(path) for name, path in paths.items()}
+        frames = (item for item in items if not isinstance(item, PointScan))
+        for number, frame in enumerate(frames):
+            for name, mapper in mappers.items():
+                row = rows_at[name].get(frame.timestamp_s)
+                if row is not None:
+                    mapper.integrate(frame.at(paths[name].poses[row]))
+                    mapper.optimise(interrupted=lambda: False)
+            if number % 10 == 0:
+                progress(f"mapping frame {number + 1} of {len(truth)}, from true poses and from found ones")
+        for mapper in mappers.values():
+            mapper.prune()
+        progress("comparing the maps")
+        compared = MapTruth.of(run.config, run.open_scene(), truth.poses, run.start_xy)
+        qualities = {name: compared.quality_of(mapper.gaussians) for name, mapper in mappers.items()}
+    return LocalisedMaps(**qualities)
+
+
+def _corners(poses: SE3) -> Float[ndarray, "m 3"]:
+    """Where cameras are and their axes, 1 m long, end: a straight path leaves no turn open either."""
+    ends = poses.translation[:, None, :] + np.swapaxes(poses.rotation, 1, 2)
+    return np.concatenate([poses.translation, ends.reshape(-1, 3)])
+
+
+def _rows_at(path: Trajectory) -> dict[float, int]:
+    return {float(time_s): row for row, time_s in enumerate(path.timestamps_s)}
 
 
 def _stream(
@@ -150,8 +244,12 @@ def _stream(
     start = next((raw.T_world_camera for raw in recording if raw.T_world_camera is not None), None)
     if start is None:
         raise StreamError(f"{source}: nothing to compare with: {recording.pose_origin}")
-    items = (rectifier.rectify(raw) for raw in recording)
-    return _Stream(name=recording.name, n_frames=int(recording.is_posed.sum()), start=start, items=items)
+    return _Stream(
+        name=recording.name,
+        n_frames=int(recording.is_posed.sum()),
+        start=start,
+        items=lambda: (rectifier.rectify(raw) for raw in recording),
+    )
 
 
 def _driven(folder: Path, config: LocalisationConfig, interval_s: float) -> _Stream:
@@ -165,8 +263,13 @@ def _driven(folder: Path, config: LocalisationConfig, interval_s: float) -> _Str
     path = StampedPoses(stamped, offset_s=1e-6, gap_s=_GAP_S)
     begin_s, end_s = stamped[0][0], stamped[-1][0]
     frame_times = np.arange(begin_s, end_s, interval_s)
-    items = _rendered(run, path, frame_times, end_s, config)
-    return _Stream(name=folder.name, n_frames=len(frame_times), start=stamped[0][1], items=items)
+    return _Stream(
+        name=folder.name,
+        n_frames=len(frame_times),
+        start=stamped[0][1],
+        items=lambda: _rendered(run, path, frame_times, end_s, config),
+        run=run,
+    )
 
 
 def _rendered(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any, Final, Literal
 
@@ -21,6 +22,7 @@ from hgs_core.sensing.point_scan import PointScan
 from hgs_core.sensing.raw_frame import AlignedFrame
 
 _FEWEST_POINTS: Final = 100
+_LEVEL_CAMERA: Final = level_camera_pose(0, 0, 0, 0)
 
 
 class LidarOdometryConfig(LocalisationConfig):
@@ -56,7 +58,23 @@ class LidarOdometryConfig(LocalisationConfig):
     def T_lidar_camera(self) -> SE3:
         """The mounting."""
         turned = Rotation.from_euler("xyz", self.camera_rpy_deg, degrees=True).as_matrix()
-        return SE3(rotation=turned, translation=np.array(self.camera_xyz_m)) @ level_camera_pose(0, 0, 0, 0)
+        return SE3(rotation=turned, translation=np.array(self.camera_xyz_m)) @ _LEVEL_CAMERA
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mounting:
+    """How the camera sits on the lidar, as the settings of those names say it."""
+
+    camera_xyz_m: tuple[float, float, float]
+    camera_rpy_deg: tuple[float, float, float]
+
+    @staticmethod
+    def of(T_lidar_camera: SE3) -> Mounting:
+        """The inverse of `LidarOdometryConfig.T_lidar_camera`."""
+        turned = Rotation.from_matrix((T_lidar_camera @ _LEVEL_CAMERA.inverse()).rotation)
+        x_m, y_m, z_m = T_lidar_camera.translation.tolist()
+        roll, pitch, yaw = turned.as_euler("xyz", degrees=True).tolist()
+        return Mounting(camera_xyz_m=(x_m, y_m, z_m), camera_rpy_deg=(roll, pitch, yaw))
 
 
 class LidarOdometry:

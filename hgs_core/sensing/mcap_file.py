@@ -10,9 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+from jaxtyping import Float
 from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Message, Schema
 from mcap_ros2.decoder import DecoderFactory
+from numpy import ndarray
 
 from hgs_core.errors import StreamError
 
@@ -105,6 +108,18 @@ class McapFile:
         for message in self.messages([topic]):
             return message
         raise StreamError(f"{self.path}: topic {topic} has no message; there are: {self.described()}")
+
+    def stamps_s(self, topic: str) -> Float[ndarray, " n"]:
+        """Times [s] in the headers of a topic's messages. Raises `StreamError` where they do not rise."""
+        stamps = np.array([message.stamp_s() for message in self.messages([topic])])
+        late = np.flatnonzero(np.diff(stamps) <= 0)
+        if len(late):
+            k = int(late[0])
+            raise StreamError(
+                f"{self.path}: topic {topic}, message {k + 1}: its time {stamps[k + 1]:.6f} s is not after "
+                f"{stamps[k]:.6f} s before it; record with the sensor's own stamps"
+            )
+        return stamps
 
     def decode(self, message: StoredMessage) -> Any:
         """The message with the fields that its schema names. Raises `StreamError` when it has others."""

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from hgs_core.errors import SensorError, StreamError
 from hgs_core.geometry.lens import LensCamera
@@ -54,7 +52,9 @@ class McapRecording:
         self._depth_camera = self._camera(self.topics.depth_info)
         self._T_colour_depth = self._place_depth()
         poses = self._poses()
-        colours_s, depths_s = (self._stamps(topic) for topic in (self.topics.colour, self.topics.depth))
+        colours_s, depths_s = (
+            self._file.stamps_s(topic) for topic in (self.topics.colour, self.topics.depth)
+        )
         joined = [
             (k, nearest_index(depths_s, t, options.max_depth_offset_s)) for k, t in enumerate(colours_s)
         ]
@@ -81,6 +81,12 @@ class McapRecording:
         if self.topics.pose == TF:
             return f"poses of {self._file.path} are from tf, {self._world_frame()} to {self._colour_frame}"
         return f"poses of {self._file.path} are from {self.topics.pose}"
+
+    def T_frame_camera(self, frame: str, time_s: float) -> SE3 | None:
+        """Where the colour camera stood in that frame; None where tf does not tell."""
+        if not self._tf.is_connected(frame, self._colour_frame):
+            return None
+        return self._tf.lookup(frame, self._colour_frame, time_s)
 
     def __len__(self) -> int:
         return len(self._pairs)
@@ -151,17 +157,6 @@ class McapRecording:
 
     def _frame_of(self, topic: str) -> str:
         return str(self._file.decode(self._file.first(topic)).header.frame_id)
-
-    def _stamps(self, topic: str) -> Float[ndarray, " n"]:
-        stamps = np.array([message.stamp_s() for message in self._file.messages([topic])])
-        late = np.flatnonzero(np.diff(stamps) <= 0)
-        if len(late):
-            k = int(late[0])
-            raise StreamError(
-                f"{self._file.path}: topic {topic}, message {k + 1}: its time {stamps[k + 1]:.6f} s is not "
-                f"after {stamps[k]:.6f} s before it; record with the camera's own stamps"
-            )
-        return stamps
 
     def _read_tf(self) -> TransformTree:
         options = self._options

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 from numpy import ndarray
 
 from hgs_core.errors import SensorError
@@ -35,15 +35,16 @@ class PointScan:
 
 
 class McapScans:
-    """The `PointCloud2` messages of an MCAP file, as scans without poses, in the order of the file.
+    """The `PointCloud2` messages of an MCAP file, as scans without poses, in the order of the file and of the
+    times in their headers.
 
-    Without `topic`, the only one that holds clouds. Raises `StreamError` naming the topics there are.
+    Without `topic`, the only one that holds clouds. Raises `StreamError` naming the topics there are, and for
+    times that do not rise.
     """
 
     def __init__(self, path: Path, topic: str | None = None) -> None:
         self._file = McapFile(path)
         self.name = path.stem
-        counts = {t.name: t.n_messages for t in self._file.topics}
         choice = TopicChoice(
             {t.name: t.schema for t in self._file.topics if t.n_messages > 0},
             source=str(path),
@@ -51,11 +52,13 @@ class McapScans:
             is_depth=lambda _: False,
             tf_reaches=lambda _: False,
         )
-        self.topic = choice.only(topic, "topic", (POINT_CLOUD,))
-        self._n = counts[self.topic]
+        self.topic = choice.only(topic, "cloud", (POINT_CLOUD,))
+        self.timestamps_s: Float[ndarray, " n_scans"] = self._file.stamps_s(self.topic)
+        self.frame: str = self._file.decode(self._file.first(self.topic)).header.frame_id
+        """The lidar's, in tf."""
 
     def __len__(self) -> int:
-        return self._n
+        return len(self.timestamps_s)
 
     def __iter__(self) -> Iterator[PointScan]:
         for message in self._file.messages([self.topic]):

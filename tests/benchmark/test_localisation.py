@@ -62,6 +62,22 @@ def test_the_path_of_a_run_is_driven_again(tmp_path: Path, method: str, ate_cm: 
         assert word in output
 
 
+def test_maps_tell_what_wrong_poses_cost(tmp_path: Path) -> None:
+    path, run = tmp_path / "figures.json", write_run(tmp_path)
+    code, output = bench(run, "--method", "lidar-odometry", "--maps", "--json", str(path))
+    assert code == 0, output
+    assert "what it costs the map" in output
+    maps = LocalisationBenchmark.model_validate_json(path.read_text()).maps
+    assert maps is not None
+    assert maps.true_poses.accuracy_cm < maps.nearest.accuracy_cm < 4.0
+    assert maps.true_poses.psnr_db > max(maps.nearest.psnr_db, maps.first_pose.psnr_db)
+    code, _ = bench(run, "--method", "given", "--maps", "--json", str(path))
+    same = LocalisationBenchmark.model_validate_json(path.read_text()).maps
+    assert same is not None
+    assert code == 0
+    assert same.first_pose == same.true_poses
+
+
 def test_lost_frames_are_counted_and_told_why(tmp_path: Path) -> None:
     recording = write_recording(tmp_path / "wall", n_frames=8, turned=(3, 4))
     code, output = bench(recording, "--method", "given")
@@ -75,6 +91,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
     for more, message in (
         (["--method", "gps"], "must be one of given, rgbd-odometry, lidar-odometry"),
         (["--method", "lidar-odometry"], "a lidar is simulated along a run's path alone"),
+        (["--method", "given", "--maps"], "maps are compared with a true scene, which a recording has not"),
         (["--method", "given", "--set", "limits.max_speed_mps=-1"], "localisation.limits.max_speed_mps"),
     ):
         code, output = bench(recording, *more)

@@ -10,7 +10,7 @@ from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
 from hgs_core.geometry.se3 import SE3
 from hgs_core.localisation import lidar_odometry
 from hgs_core.localisation.depth_agreement import depth_agreement
-from hgs_core.localisation.lidar_odometry import LidarOdometry, LidarOdometryConfig
+from hgs_core.localisation.lidar_odometry import LidarOdometry, LidarOdometryConfig, Mounting
 from hgs_core.localisation.localiser import LocalisationConfig, Localiser, Located, Lost
 from hgs_core.localisation.methods import build_localiser, localisation_config, localisation_methods
 from hgs_core.localisation.rgbd_odometry import RgbdOdometry, RgbdOdometryConfig
@@ -166,6 +166,13 @@ def test_a_level_camera_looks_along_the_lidars_x_axis() -> None:
     np.testing.assert_allclose(T.apply(np.array([[0.0, 0.0, 1.0]])), [[1.1, 0.2, 0.3]], atol=1e-12)
     down = LidarOdometryConfig(camera_xyz_m=(0, 0, 0), camera_rpy_deg=(0, 90, 0)).T_lidar_camera()
     np.testing.assert_allclose(down.apply(np.array([[0.0, 0.0, 1.0]])), [[0, 0, -1]], atol=1e-12)
+
+
+def test_a_mounting_is_told_as_its_settings_say_it() -> None:
+    config = LidarOdometryConfig(camera_xyz_m=(0.1, -0.2, 0.3), camera_rpy_deg=(-10.0, 25.0, 170.0))
+    told = Mounting.of(config.T_lidar_camera())
+    np.testing.assert_allclose(told.camera_xyz_m, config.camera_xyz_m, atol=1e-12)
+    np.testing.assert_allclose(told.camera_rpy_deg, config.camera_rpy_deg, atol=1e-9)
 
 
 def test_methods_are_built_by_name() -> None:

@@ -40,10 +40,11 @@ def chosen_topics(schemas: dict[str, str], options: RosTopicOptions, *, source: 
         is_depth=_is_depth,
         tf_reaches=lambda _: False,
     )
-    if options.pose in ("tf", NONE) or options.world_frame is not None or options.pose_frame is not None:
+    unread = (options.world_frame, options.pose_frame, options.cloud)
+    if options.pose in ("tf", NONE) or any(option is not None for option in unread):
         raise StreamError(
             f"{source}: a robot's pose is read from an Odometry alone, in its own frames: leave out pose=tf, "
-            "pose=none, world_frame and pose_frame"
+            "pose=none, world_frame, pose_frame and cloud"
         )
     return RosTopics(
         images=choice.choose(options.model_copy(update={"pose": NONE})),

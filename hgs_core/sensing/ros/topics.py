@@ -34,6 +34,8 @@ class TopicOptions(StrictConfig):
     pose: str | None = None
     """PoseStamped or Odometry, or `tf`, or `none`; without a name: the only topic there is, else tf where it
     leads from the world to the camera, else none."""
+    cloud: str | None = None
+    """PointCloud2 of a lidar, which `hgs replay` sends; without a name: the only one there is."""
     world_frame: str | None = None
     """Where poses are given from tf; without a name: the first of map, odom, world that tf has."""
     pose_frame: str | None = None

@@ -314,8 +314,9 @@ def test_the_fitting_transport_of_each_image_is_chosen():
     assert found.scan is None
     raw = {topic: schema for topic, schema in TYPES.items() if "ompressed" not in topic}
     assert chosen_topics(raw, RosTopicOptions(), source="a robot").images.depth == "/camera/depth/image_rect"
-    with pytest.raises(StreamError, match="an Odometry alone"):
-        chosen_topics(TYPES, RosTopicOptions(pose="tf"), source="a robot")
+    for unread in (RosTopicOptions(pose="tf"), RosTopicOptions(cloud="/points")):
+        with pytest.raises(StreamError, match="an Odometry alone"):
+            chosen_topics(TYPES, unread, source="a robot")
 
 
 def test_the_fake_camera_is_where_the_real_one_would_be(robot):
