@@ -373,6 +373,8 @@ class RobotDetail(ApiModel):
     """Well-formed ones that came."""
     frames_dropped: int
     """Of these, overtaken by newer ones before the mission took them."""
+    missed: int
+    """Reports and clouds that the mission never took, as it did not read for long."""
     refused: int
     """Messages that broke the protocol."""
     heard_at: float | None

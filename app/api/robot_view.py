@@ -18,6 +18,7 @@ def robot_detail(link: RobotLink) -> RobotDetail:
         connections=figures.connections,
         frames=figures.frames,
         frames_dropped=figures.frames_dropped,
+        missed=figures.missed,
         refused=figures.refused,
         heard_at=figures.heard_at,
         report=None if report is None else _report(report),

@@ -59,6 +59,8 @@ class LinkFigures:
     """Well-formed ones."""
     frames_dropped: int = 0
     """Of these, how many never reached the mission, being overtaken by newer ones."""
+    missed: int = 0
+    """Reports and clouds that never reached it, as its process did not read for long."""
     refused: int = 0
     """Messages that broke the protocol."""
     heard_at: float | None = None
@@ -178,13 +180,14 @@ class RobotLink:
             if overtaken is not None:
                 figures = replace(figures, frames_dropped=figures.frames_dropped + 1)
                 answer = Answer(now_s=time.monotonic(), sequence=overtaken, fate="dropped")
-        self._figures = figures
-        # A process that does not read for long misses reports and clouds; a goodbye gets through.
-        if not is_full or isinstance(message, Bye):
+        if not is_full or isinstance(message, Bye):  # a goodbye gets through
             self._waiting.append((content, sequence))
             self._waiting_bytes += len(content)
             self._n_frames += sequence is not None
             self._lock.notify_all()
+        elif sequence is None:
+            figures = replace(figures, missed=figures.missed + 1)
+        self._figures = figures
         return answer
 
     def _overtaken(self) -> int | None:

@@ -156,7 +156,6 @@ def test_hours_of_watching_take_no_more_memory_than_minutes(chromium, tmp_path, 
         with browser.attached() as page:
             shown = number(page, "frames")
             assert_clean(page, *page.evaluate("[innerWidth, innerHeight]"))
-    assert shown >= found[-1].frames
     with capsys.disabled():
         sys.stdout.write("\n frames   heap   nodes   listeners   page   drawing   rest   service (MiB)\n")
         for one in found:
@@ -165,6 +164,7 @@ def test_hours_of_watching_take_no_more_memory_than_minutes(chromium, tmp_path, 
                 f"{one.page_mib:6.0f} {one.drawing_mib:9.0f} {one.rest_mib:6.0f} {one.service_mib:9.0f}\n"
             )
     middle, last = found[len(found) // 2], found[-1]
+    assert shown > 0.99 * last.frames  # the page rounds it
     assert last.heap_mib < 1.1 * middle.heap_mib + 5
     assert last.nodes < 1.1 * middle.nodes + 500
     assert last.listeners < 1.1 * middle.listeners + 50

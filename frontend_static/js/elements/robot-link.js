@@ -59,8 +59,9 @@ function placeOf(report) {
 
 function framesOf(robot) {
   const lost = robot.frames_dropped ? `, ${count(robot.frames_dropped)} overtaken on the way` : "";
+  const missed = robot.missed ? `; ${count(robot.missed)} reports or clouds not taken` : "";
   const refused = robot.refused ? `; ${count(robot.refused)} messages refused` : "";
-  return `${count(robot.frames)} frames${lost}${refused}`;
+  return `${count(robot.frames)} frames${lost}${missed}${refused}`;
 }
 
 customElements.define("robot-link", RobotLink);
