@@ -13,6 +13,10 @@ namespace nb = nanobind;
 
 namespace {
 
+constexpr double kDearest = 1e6;  // cells: the search for all poses keeps a list for every cell's length up to there
+constexpr double kManyTurns = 1e3;  // radians
+constexpr double kWidest = 1e9;   // cells: words end as exactly as an angle times the radius
+
 hgs::FloorGrid floor_of(const Grid<uint8_t>& blocked, const Grid<float>& clearance, const Grid<float>* soft_cost) {
   const auto same = [&](const Grid<float>& other) {
     return other.shape(0) == blocked.shape(0) && other.shape(1) == blocked.shape(1);
@@ -29,7 +33,9 @@ std::vector<hgs::Pose> poses_of(const Grid<double>& table) {
     const double* row = table.data() + 3 * k;
     for (int axis = 0; axis < 3; ++axis)
       if (!std::isfinite(row[axis])) throw std::invalid_argument("a pose is not finite");
-    poses[k] = {row[0], row[1], row[2]};
+    // After very many turns a yaw is too coarse for the small angles that are added to it.
+    const double yaw = std::abs(row[2]) > kManyTurns ? std::atan2(std::sin(row[2]), std::cos(row[2])) : row[2];
+    poses[k] = {row[0], row[1], yaw};
   }
   return poses;
 }
@@ -37,14 +43,19 @@ std::vector<hgs::Pose> poses_of(const Grid<double>& table) {
 hgs::CarBody body_of(const Vector<double>& body) {
   if (body.shape(0) != 3) throw std::invalid_argument("a body is rear, front, half width");
   const double* b = body.data();
-  if (!(b[0] >= 0.0 && b[1] >= 0.0 && b[0] + b[1] > 0.0 && b[2] > 0.0)) throw std::invalid_argument("a body has an extent");
+  if (!(b[0] >= 0.0 && b[1] >= 0.0 && b[0] + b[1] > 0.0 && b[2] > 0.0 && std::isfinite(b[0] + b[1] + b[2]))) {
+    throw std::invalid_argument("a body has an extent");
+  }
   return {b[0], b[1], b[2]};
 }
 
 hgs::Car car_of(const Vector<double>& body, double radius, const Vector<double>& costs) {
   if (costs.shape(0) != 3) throw std::invalid_argument("costs are reverse, gear, steer");
   const double* c = costs.data();
-  if (!(radius > 0.0 && c[0] >= 1.0 && c[1] >= 0.0 && c[2] >= 0.0)) throw std::invalid_argument("radius or costs");
+  const bool moderate = radius <= kWidest && c[0] + c[1] + c[2] < kDearest;
+  if (!(moderate && radius > 0.0 && c[0] >= 1.0 && c[1] >= 0.0 && c[2] >= 0.0)) {
+    throw std::invalid_argument("radius or costs");
+  }
   return {body_of(body), radius, {c[0], c[1], c[2]}};
 }
 
@@ -55,7 +66,7 @@ void bind_car(nb::module_& m) {
       "reeds_shepp_lengths",
       [](Grid<double> starts, Grid<double> goals, double radius) {
         const std::vector<hgs::Pose> from = poses_of(starts), to = poses_of(goals);
-        if (!(radius > 0.0)) throw std::invalid_argument("the radius must be positive");
+        if (!(radius > 0.0 && std::isfinite(radius))) throw std::invalid_argument("the radius must be positive and finite");
         auto lengths = std::make_unique<double[]>(from.size() * to.size());
         {
           nb::gil_scoped_release release;
@@ -71,6 +82,8 @@ void bind_car(nb::module_& m) {
       "reeds_shepp_words",
       [](Vector<double> goal) {
         if (goal.shape(0) != 3) throw std::invalid_argument("a pose is x, y, yaw");
+        for (int axis = 0; axis < 3; ++axis)
+          if (!std::isfinite(goal.data()[axis])) throw std::invalid_argument("a pose is not finite");
         hgs::Word words[hgs::kMostWords];
         const int n = hgs::reeds_shepp_words({goal.data()[0], goal.data()[1], goal.data()[2]}, words);
         auto table = std::make_unique<double[]>(static_cast<size_t>(n) * 2 * hgs::Word::kMost);
@@ -112,7 +125,7 @@ void bind_car(nb::module_& m) {
         const hgs::Car car = car_of(body, radius, costs);
         const std::vector<hgs::Pose> from = poses_of(start), to = poses_of(goals);
         if (from.size() != 1 || to.empty()) throw std::invalid_argument("one start and at least one goal");
-        if (!(weight >= 0.0 && step > 0.0)) throw std::invalid_argument("weight or step");
+        if (!(weight >= 0.0 && std::isfinite(weight) && step > 0.0)) throw std::invalid_argument("weight or step");
         std::vector<hgs::WayPose> way;
         double total = INFINITY;
         int expanded = 0;

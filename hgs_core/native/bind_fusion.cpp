@@ -23,6 +23,11 @@ void bind_halve_frame(nb::module_& m) {
   m.def(
       "halve_frame",
       [](Image rgb, Depth depth, float edge_m, MutableImage rgb_half, MutableDepth depth_half) {
+        if (rgb.shape(0) != depth.shape(0) || rgb.shape(1) != depth.shape(1) || rgb.shape(2) != 3)
+          throw std::invalid_argument("colours and depth differ in height or width");
+        if (rgb_half.shape(0) != depth.shape(0) / 2 || rgb_half.shape(1) != depth.shape(1) / 2 || rgb_half.shape(2) != 3 ||
+            depth_half.shape(0) != depth.shape(0) / 2 || depth_half.shape(1) != depth.shape(1) / 2)
+          throw std::invalid_argument("what is halved needs half the height and width");
         const int height = int(depth.shape(0)), width = int(depth.shape(1));
         nb::gil_scoped_release released;
         hgs::halve_frame(rgb.data(), depth.data(), width, height, edge_m, rgb_half.data(),
@@ -36,6 +41,8 @@ void bind_smooth_depth(nb::module_& m) {
   m.def(
       "smooth_depth",
       [](Depth depth, int radius, float gate_m, MutableDepth smoothed) {
+        if (smoothed.shape(0) != depth.shape(0) || smoothed.shape(1) != depth.shape(1))
+          throw std::invalid_argument("depth and smoothed differ in height or width");
         const int height = int(depth.shape(0)), width = int(depth.shape(1));
         nb::gil_scoped_release released;
         hgs::smooth_depth(depth.data(), width, height, radius, gate_m, smoothed.data());
@@ -56,6 +63,9 @@ void bind_fuse_centres(nb::module_& m) {
         if (largest_radius.shape(0) != depth.shape(0) || largest_radius.shape(1) != depth.shape(1)) {
           throw std::invalid_argument("depth and largest_radius differ in height or width");
         }
+        const std::size_t n = parameters.shape(0);
+        if (block < 1 || counts.shape(0) != n || bounds.shape(0) != (n + std::size_t(block) - 1) / std::size_t(block))
+          throw std::invalid_argument("one count a Gaussian and one row of bounds a block are needed");
         auto rows = new std::vector<std::int32_t>();
         nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<std::int32_t>*>(p); });
         hgs::FusionView view{depth.data(), largest_radius.data(), int(depth.shape(1)), int(depth.shape(0)), fx, fy, cx, cy, {}, {}};

@@ -35,6 +35,18 @@ hgs::FloorGrid floor_of(const Grid<uint8_t>& blocked, const Grid<float>& clearan
           static_cast<int>(blocked.shape(1))};
 }
 
+// A sample every `step` of a straight line between any two of the points.
+void check_samples(const double* coordinates, size_t n, double step, double cap) {
+  constexpr double kMostSamples = 1e7;
+  if (!(step > 0.0) || !(cap >= 0.0)) throw std::invalid_argument("the step must be positive, the cap not negative");
+  double farthest = 0.0;
+  for (size_t k = 0; k < n; ++k) {
+    if (!std::isfinite(coordinates[k])) throw std::invalid_argument("a point is not finite");
+    farthest = std::max(farthest, std::abs(coordinates[k]));
+  }
+  if (farthest / step > kMostSamples) throw std::invalid_argument("a point lies too far off for so small a step");
+}
+
 }  // namespace
 
 void bind_grid_search(nb::module_& m) {
@@ -129,6 +141,7 @@ void bind_grid_search(nb::module_& m) {
   m.def(
       "grid_box_clearance",
       [](Grid<uint8_t> blocked, float cap) {
+        if (!(cap >= 0.0f)) throw std::invalid_argument("the cap must not be negative");
         const size_t shape[2] = {blocked.shape(0), blocked.shape(1)};
         auto clearance = std::make_unique<float[]>(shape[0] * shape[1]);
         {
@@ -146,6 +159,7 @@ void bind_grid_search(nb::module_& m) {
          double cap) {
         const hgs::FloorGrid floor = floor_of(blocked, clearance, soft_cost);
         if (segments.shape(1) != 4) throw std::invalid_argument("a segment is x0, y0, x1, y1");
+        check_samples(segments.data(), segments.shape(0) * 4, step, cap);
         const size_t shape[1] = {segments.shape(0)};
         auto least = std::make_unique<double[]>(shape[0]);
         auto cost = std::make_unique<double[]>(shape[0]);
@@ -164,6 +178,7 @@ void bind_grid_search(nb::module_& m) {
          double cap, double wanted_clearance, double cost_factor) {
         const hgs::FloorGrid floor = floor_of(blocked, clearance, soft_cost);
         if (points.shape(1) != 2) throw std::invalid_argument("a point is x, y");
+        check_samples(points.data(), points.shape(0) * 2, step, cap);
         const size_t n = points.shape(0);
         auto kept = std::make_unique<int32_t[]>(n);
         size_t n_kept = 0;
@@ -222,9 +237,10 @@ void bind_grid_search(nb::module_& m) {
       "open_tour",
       [](Grid<double> cost, int fixed_end) {
         const size_t n = cost.shape(0);
+        constexpr double kDearest = 1e100;  // sums of such costs are finite, too
         if (cost.shape(1) != n || n == 0) throw std::invalid_argument("a tour needs a square, non-empty matrix");
         for (size_t k = 0; k < n * n; ++k)
-          if (!std::isfinite(cost.data()[k])) throw std::invalid_argument("tour costs must be finite");
+          if (!(std::abs(cost.data()[k]) <= kDearest)) throw std::invalid_argument("tour costs must be finite");
         if (fixed_end == 0 || fixed_end >= static_cast<int>(n)) throw std::out_of_range("fixed end");
         const size_t shape[1] = {n};
         auto order = std::make_unique<int32_t[]>(n);

@@ -54,6 +54,7 @@ std::int64_t count_attempts(Volume<const std::uint8_t> states, Volume<std::uint8
                             nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu> depth_m, double range_m,
                             double cell_m, double border_px, Chunks changed) {
   require_same_shape(states, attempts);
+  if (!(border_px >= 0.0)) throw nb::value_error("the border must not be negative");
   const hgs::ChangedChunks chunks = changed_of(states, changed);
   const nb::gil_scoped_release unlocked;
   hgs::GridCamera camera{{},

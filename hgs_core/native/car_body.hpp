@@ -1,6 +1,7 @@
 // Where the rectangle of a car's body fits between the blocked cells of a floor plan. Lengths are in cells.
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "grid_kernels.hpp"
@@ -43,9 +44,10 @@ class CarSpace {
     double depth;
   };
   double depth(const Pose& pose, int32_t cell) const;  // of a cell's centre inside the rectangle, negative outside
+  double beyond(const Pose& pose) const;  // how far the rectangle reaches over the grid's border
 
   std::vector<Forgiven> forgiven_;
-  bool forgiven_outside_ = false;
+  double forgiven_beyond_ = -std::numeric_limits<double>::infinity();
   Pose standing_{};
   double slim_ = 0.0;  // > 0: within kLeaving of where it stands
 };

@@ -33,7 +33,7 @@ void car_reach(const FloorGrid& floor, const Car& car, const Pose& start, int n_
 
   const auto state_of = [&](const Pose& pose) -> int64_t {
     if (!(pose.x >= 0.0 && pose.y >= 0.0 && pose.x < floor.nx && pose.y < floor.ny)) return -1;
-    int h = static_cast<int>(std::lround(pose.yaw * n_headings / (2.0 * kPi))) % n_headings;
+    int h = static_cast<int>(std::lround(pose.yaw * n_headings / (2.0 * kPi)) % n_headings);
     h += h < 0 ? n_headings : 0;
     const int64_t cell = static_cast<int64_t>(pose.x) * floor.ny + static_cast<int64_t>(pose.y);
     return cell * n_headings + h;

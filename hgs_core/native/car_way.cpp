@@ -33,7 +33,7 @@ double plain_cost(const Car& car, const std::vector<Piece>& pieces, const Piece&
 std::vector<Piece> cut(const std::vector<Piece>& way) {
   std::vector<Piece> joints;
   for (const Piece& piece : way) {
-    const int n = std::max(1, static_cast<int>(std::ceil(std::abs(piece.length) / kJoint)));
+    const int n = parts_of(piece.length, kJoint, 1);
     for (int k = 0; k < n; ++k) joints.push_back({piece.turn, piece.length / n});
   }
   return joints;
@@ -135,7 +135,7 @@ std::vector<WayPose> sampled_way(const Car& car, const Pose& start, const std::v
   std::vector<WayPose> samples{{start.x, start.y, start.yaw, 0.0}};
   Pose from = start;
   for (const Piece& piece : way) {
-    const int n = std::max(2, static_cast<int>(std::ceil(std::abs(piece.length) / step)));
+    const int n = parts_of(piece.length, step, 2);
     Pose at = from;
     for (int k = 1; k <= n; ++k) {
       at = after(from, {piece.turn, piece.length * k / n}, car.radius);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "car_kernels.hpp"
+#include "whole_number.hpp"
 
 namespace hgs {
 
@@ -21,8 +22,8 @@ inline Pose after(const Pose& from, const Piece& piece, double radius) {
 }
 
 inline double soft_cost_at(const FloorGrid& floor, const Pose& pose) {
-  const int i = std::clamp(static_cast<int>(std::floor(pose.x)), 0, floor.nx - 1);
-  const int j = std::clamp(static_cast<int>(std::floor(pose.y)), 0, floor.ny - 1);
+  const int i = floor_within(pose.x, 0, floor.nx - 1);
+  const int j = floor_within(pose.y, 0, floor.ny - 1);
   return floor.soft_cost[static_cast<size_t>(i) * floor.ny + j];
 }
 
@@ -36,7 +37,8 @@ inline double change_cost(const CarCosts& costs, const Piece& before, const Piec
 // The cost of driving a piece, +inf where the body does not fit; with `space` null it is taken to fit.
 inline double drive_cost(const FloorGrid& floor, const CarSpace* space, const Car& car, const Pose& from,
                          const Piece& piece) {
-  const int n = std::max(1, static_cast<int>(std::ceil(std::abs(piece.length) / kCheckEvery)));
+  const int n = parts_of(piece.length, kCheckEvery, 1);
+  if (space && n == kMostParts) return std::numeric_limits<double>::infinity();  // longer than any floor
   double soft = 0.0;
   for (int k = 1; k <= n; ++k) {
     const Pose at = after(from, {piece.turn, piece.length * k / n}, car.radius);

@@ -14,8 +14,9 @@ constexpr float kNear = 0.1f;
 // Inverse depth interpolated between the four pixels around (u, v); 0 when they are not one surface.
 float interpolated_depth(const FusionView& view, float u, float v, float edge_m) {
   const float x = u - 0.5f, y = v - 0.5f;
-  const int x0 = int(std::floor(x)), y0 = int(std::floor(y));
-  if (x0 < 0 || y0 < 0 || x0 + 1 >= view.width || y0 + 1 >= view.height) return 0.0f;
+  if (!(x >= 0.0f && y >= 0.0f && x < float(view.width) && y < float(view.height))) return 0.0f;
+  const int x0 = int(x), y0 = int(y);
+  if (x0 + 1 >= view.width || y0 + 1 >= view.height) return 0.0f;
   const float* p = view.depth + long(y0) * view.width + x0;
   const float z[4] = {p[0], p[1], p[view.width], p[view.width + 1]};
   const float low = std::min(std::min(z[0], z[1]), std::min(z[2], z[3]));
@@ -85,7 +86,7 @@ void fuse_centres(float* parameters, std::uint16_t* counts, long n, const float*
       float* centre = parameters + 8 * i;
       const float d[3] = {centre[0] - t[0], centre[1] - t[1], centre[2] - t[2]};
       const float z = r[2] * d[0] + r[5] * d[1] + r[8] * d[2];
-      if (z < kNear) continue;
+      if (!(z >= kNear)) continue;
       const float u = view.fx * (r[0] * d[0] + r[3] * d[1] + r[6] * d[2]) / z + view.cx;
       const float v = view.fy * (r[1] * d[0] + r[4] * d[1] + r[7] * d[2]) / z + view.cy;
       const float gate = gate_m + gate_slope * z;

@@ -21,6 +21,7 @@
 #include <cmath>
 
 #include "variants.hpp"
+#include "whole_number.hpp"
 
 namespace hgs {
 
@@ -79,8 +80,8 @@ FisherField::Reached FisherField::reached_by(const BundleBounds& bounds) const {
   const float per_cell = 1.0f / grid_.size;
   for (int a = 0; a < 3; ++a) {
     const float low = (bounds.low[a] - grid_.lower[a]) * per_cell, high = (bounds.high[a] - grid_.lower[a]) * per_cell;
-    cells.low[a] = static_cast<std::int32_t>(std::max(low, 0.0f));
-    cells.high[a] = std::min(static_cast<std::int32_t>(std::max(high, 0.0f)), grid_.shape[a] - 1);
+    cells.low[a] = floor_within(low, 0, grid_.shape[a]);
+    cells.high[a] = floor_within(high, 0, grid_.shape[a] - 1);
   }
   return cells;
 }

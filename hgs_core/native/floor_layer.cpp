@@ -22,7 +22,7 @@ void count_in_layer(const GaussianRows& gaussians, const FloorLayer& layer, std:
       if (!(p[2] > layer.low && p[2] < layer.high && p[7] > layer.min_logit_opacity)) continue;
       const double i = std::floor((p[0] - layer.lower[0]) / layer.cell);
       const double j = std::floor((p[1] - layer.lower[1]) / layer.cell);
-      if (i < 0 || j < 0 || i >= layer.nx || j >= layer.ny) continue;
+      if (!(i >= 0 && j >= 0 && i < layer.nx && j < layer.ny)) continue;
       ++counts[static_cast<std::int64_t>(i) * layer.ny + static_cast<std::int64_t>(j)];
     }
   }

@@ -18,13 +18,16 @@ static int gather_rows(const float* parameters, int n, const GatherBox& box, flo
   alignas(64) std::int32_t voxels[LANES], chunks[LANES];
   int n_entries = 0;
   for (int base = 0; base < n; base += LANES) {
-    const VInt i = to_cell((load(centre[0] + base) - box.lower[0]) * per_metre);
-    const VInt j = to_cell((load(centre[1] + base) - box.lower[1]) * per_metre);
-    const VInt k = to_cell((load(centre[2] + base) - box.lower[2]) * per_metre);
+    VInt i = to_cell((load(centre[0] + base) - box.lower[0]) * per_metre);
+    VInt j = to_cell((load(centre[1] + base) - box.lower[1]) * per_metre);
+    VInt k = to_cell((load(centre[2] + base) - box.lower[2]) * per_metre);
     const VFloat opacity = 1.0f / (1.0f + vexp(-load(logit + base)));
     const VInt kept = (i >= 0) & (i < box.shape[0]) & (j >= 0) & (j < box.shape[1]) & (k >= 0) & (k < box.shape[2]) &
                       (opacity >= min_opacity);
     if (!any(kept)) continue;
+    i &= kept;  // what lies far outside has no index
+    j &= kept;
+    k &= kept;
     const VFloat radius = vexp(load(log_radius + base));
     store(depths, opacity * (TWO_PI * per_face) * radius * radius);
     store(voxels, (i * box.shape[1] + j) * box.shape[2] + k);

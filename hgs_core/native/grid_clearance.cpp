@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "grid_kernels.hpp"
+#include "whole_number.hpp"
 
 namespace hgs {
 namespace {
@@ -25,10 +26,10 @@ inline double box_distance(double x, double y, int i, int j) {
 // The least box distance at (x, y), if it is below `least`; otherwise `least`.
 double lower_by_boxes(const uint8_t* blocked, int nx, int ny, double x, double y, double least) {
   least = std::min(least, border_distance(x, y, nx, ny));
-  const int i0 = std::max(0, static_cast<int>(std::floor(x - least)));
-  const int i1 = std::min(nx - 1, static_cast<int>(std::floor(x + least)));
-  const int j0 = std::max(0, static_cast<int>(std::floor(y - least)));
-  const int j1 = std::min(ny - 1, static_cast<int>(std::floor(y + least)));
+  const int i0 = floor_within(x - least, 0, nx);
+  const int i1 = floor_within(x + least, -1, nx - 1);
+  const int j0 = floor_within(y - least, 0, ny);
+  const int j1 = floor_within(y + least, -1, ny - 1);
   for (int i = i0; i <= i1; ++i)
     for (int j = j0; j <= j1; ++j)
       if (blocked[static_cast<size_t>(i) * ny + j]) least = std::min(least, box_distance(x, y, i, j));
@@ -43,7 +44,7 @@ void grid_box_clearance(const uint8_t* blocked, int nx, int ny, float cap, float
     for (int j = 0; j < ny; ++j)
       clearance[static_cast<size_t>(i) * ny + j] =
           at(i, j) ? 0.0f : std::min(cap, static_cast<float>(border_distance(i + 0.5, j + 0.5, nx, ny)));
-  const int reach = static_cast<int>(std::ceil(cap + 0.5f));
+  const int reach = floor_within(std::ceil(cap + 0.5f), 0, std::max(nx, ny));
   for (int i = 0; i < nx; ++i)
     for (int j = 0; j < ny; ++j) {
       if (!at(i, j)) continue;
@@ -73,7 +74,7 @@ SegmentSum along_segment(const FloorGrid& floor, const double* seg, double step,
   const double dx = seg[2] - seg[0];
   const double dy = seg[3] - seg[1];
   const double length = std::sqrt(dx * dx + dy * dy);
-  const int n = std::max(1, static_cast<int>(std::ceil(length / step)));
+  const int n = parts_of(length, step, 1);
   double least = cap;
   double total = 0.0;
   for (int k = 0; k <= n; ++k) {

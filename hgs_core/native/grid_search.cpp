@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 #include <queue>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -46,6 +47,9 @@ inline void for_each_step(const CostGrid& grid, int32_t cell, const Visit& visit
 
 namespace {
 
+// Costs that differ by more need more buckets than there is memory for.
+constexpr double kMostBuckets = 1e7;
+
 // A grid with an impassable border of one cell, so that no step needs a test of its bounds; impassable cells cost 0.
 struct PaddedGrid {
   int nx, ny;  // with the border
@@ -63,6 +67,7 @@ struct PaddedGrid {
         highest = std::max(highest, c);
       }
     }
+    if (highest / lowest > kMostBuckets) throw std::invalid_argument("the costs of cells differ too much");
   }
   int32_t cell(int x, int y) const { return (x + 1) * ny + y + 1; }
   int32_t original(int32_t cell, const CostGrid& grid) const { return (cell / ny - 1) * grid.ny + cell % ny - 1; }
@@ -149,7 +154,9 @@ void search(const PaddedGrid& grid, const int32_t* seeds, const double* seed_cos
   std::vector<int32_t>& parent = field.parent;
   field.clear(grid.cost.size());
   double farthest_seed = 0.0;
-  for (int s = 0; s < n_seeds; ++s) farthest_seed = std::max(farthest_seed, seed_costs[s]);
+  for (int s = 0; s < n_seeds; ++s) {
+    if (seed_costs[s] < kInfinity) farthest_seed = std::max(farthest_seed, seed_costs[s]);
+  }
   BucketQueue queue(kRounding * grid.lowest, std::sqrt(2.0) * grid.highest + farthest_seed);
   for (int s = 0; s < n_seeds; ++s) {
     const int32_t cell = seeds[s];
@@ -198,7 +205,13 @@ void grid_dijkstra(const CostGrid& grid, const int32_t* seeds, const double* see
   const PaddedGrid padded(grid);
   const auto inside = [&](int32_t cell) { return padded.cell(cell / grid.ny, cell % grid.ny); };
   std::vector<int32_t> padded_seeds;
-  for (int s = 0; s < n_seeds; ++s) padded_seeds.push_back(inside(seeds[s]));
+  for (int s = 0; s < n_seeds; ++s) {
+    // +inf: from there nothing is nearer
+    if (!(seed_costs[s] >= 0.0) || (seed_costs[s] < kInfinity && seed_costs[s] / padded.lowest > kMostBuckets)) {
+      throw std::invalid_argument("a seed's cost is negative, not a number or too great for the cells' costs");
+    }
+    padded_seeds.push_back(inside(seeds[s]));
+  }
   SearchField field;
   search(padded, padded_seeds.data(), seed_costs, n_seeds, {}, 0, field);
   const std::vector<int32_t> parents = padded.unpadded(field.parent, grid);

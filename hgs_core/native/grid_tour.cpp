@@ -12,10 +12,12 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kExactNodes = 11;
 constexpr double kGain = 1e-9;  // an improvement must exceed rounding, or the search could cycle
+constexpr double kShare = 1e-12;  // of the greatest cost: so must it among great costs
 
 struct Matrix {
   const double* cost;
   int n;
+  double gain;  // the least that counts
   double operator()(int a, int b) const { return cost[static_cast<size_t>(a) * n + b]; }
 };
 
@@ -106,7 +108,7 @@ void improve(const Matrix& c, std::vector<int>& tour, bool end_is_fixed) {
       for (int j = i + 1; j <= last_movable; ++j) {
         const double before = c(tour[i - 1], tour[i]) + sums.forward(i, j) + step_on(tour[j], j + 1);
         const double after = c(tour[i - 1], tour[j]) + sums.backward(i, j) + step_on(tour[i], j + 1);
-        if (after >= before - kGain) continue;
+        if (after >= before - c.gain) continue;
         std::reverse(tour.begin() + i, tour.begin() + j + 1);
         accept();
       }
@@ -124,7 +126,7 @@ void improve(const Matrix& c, std::vector<int>& tour, bool end_is_fixed) {
             const int first = flipped ? tour[end] : tour[i], final = flipped ? tour[i] : tour[end];
             const double turned = flipped ? sums.backward(i, end) - sums.forward(i, end) : 0.0;
             const double after = closed + c(tour[left], first) + step_on(final, left + 1) + turned;
-            if (after >= before - kGain) continue;
+            if (after >= before - c.gain) continue;
             if (flipped) std::reverse(tour.begin() + i, tour.begin() + end + 1);
             if (target < i) {
               std::rotate(tour.begin() + target, tour.begin() + i, tour.begin() + end + 1);
@@ -156,7 +158,9 @@ std::vector<int> nearest_neighbour(const Matrix& c, std::vector<int> free_nodes,
 }  // namespace
 
 double open_tour(const double* cost, int n, int fixed_end, int32_t* order) {
-  const Matrix c{cost, n};
+  double dearest = 0.0;
+  for (size_t k = 0; k < static_cast<size_t>(n) * n; ++k) dearest = std::max(dearest, std::abs(cost[k]));
+  const Matrix c{cost, n, std::max(kGain, kShare * dearest)};
   std::vector<int> free_nodes;
   for (int a = 1; a < n; ++a)
     if (a != fixed_end) free_nodes.push_back(a);

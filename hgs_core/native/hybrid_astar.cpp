@@ -46,7 +46,7 @@ class StateIndex {
 };
 
 int heading_of(double yaw) {
-  const int h = static_cast<int>(std::lround(yaw * kHeadings / (2.0 * kPi))) % kHeadings;
+  const int h = static_cast<int>(std::lround(yaw * kHeadings / (2.0 * kPi)) % kHeadings);
   return h < 0 ? h + kHeadings : h;
 }
 

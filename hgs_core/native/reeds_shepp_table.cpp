@@ -2,6 +2,7 @@
 //
 // One table for all radii, over poses as seen from the start and mirrored to its left, filled as it is asked. A value is
 // the length to the middle of its bin, less what a pose may lie nearer.
+#include <algorithm>
 #include <atomic>
 #include <limits>
 #include <vector>
@@ -28,10 +29,11 @@ struct Table {
 double reeds_shepp_bound(const Pose& goal) {
   static Table table;
   const double away = std::hypot(goal.x, goal.y);
-  if (std::abs(goal.x) >= kReach || std::abs(goal.y) >= kReach) return away;
+  if (!(std::abs(goal.x) < kReach && std::abs(goal.y) < kReach)) return away;
   const double y = std::abs(goal.y), yaw = goal.y < 0.0 ? -goal.yaw : goal.yaw;
-  const int i = static_cast<int>((goal.x + kReach) / kBin), j = static_cast<int>(y / kBin);
-  int h = static_cast<int>(std::lround(yaw * kYaws / (2.0 * kPi))) % kYaws;
+  // Just below kReach the sum is rounded up to twice that.
+  const int i = std::min(static_cast<int>((goal.x + kReach) / kBin), kBins - 1), j = static_cast<int>(y / kBin);
+  int h = static_cast<int>(std::lround(yaw * kYaws / (2.0 * kPi)) % kYaws);
   h += h < 0 ? kYaws : 0;
   std::atomic<float>& known = table.lengths[(static_cast<size_t>(i) * kHalf + j) * kYaws + h];
   float length = known.load(std::memory_order_relaxed);

@@ -173,9 +173,10 @@ HGS_INLINE float lowest(VFloat a) {
 
 HGS_INLINE VInt to_int(VFloat a) { return __builtin_convertvector(a, VInt); }  // towards zero
 HGS_INLINE VFloat to_float(VInt a) { return __builtin_convertvector(a, VFloat); }
-HGS_INLINE VInt to_cell(VFloat a) {  // towards minus infinity
-  const VInt whole = to_int(a);
-  return whole + (to_float(whole) > a);  // a true comparison is -1
+HGS_INLINE VInt to_cell(VFloat a) {  // towards minus infinity, as far as 2^30; NaN lies in no cell
+  const VFloat held = vmin(vmax(a, VFloat{} - 0x1p30f), VFloat{} + 0x1p30f);
+  const VInt whole = to_int(held);
+  return whole + (to_float(whole) > held);  // a true comparison is -1
 }
 
 HGS_INLINE VFloat vabs(VFloat a) { return (VFloat)((VInt)a & 0x7fffffff); }

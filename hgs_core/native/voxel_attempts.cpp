@@ -67,12 +67,12 @@ std::int64_t count_attempts(const Grid& grid, const std::uint8_t* states, std::u
           p[a] = r[a] * (centre[0] - camera.position[0]) + r[3 + a] * (centre[1] - camera.position[1]) +
                  r[6 + a] * (centre[2] - camera.position[2]);
         }
-        if (p[2] <= 0.5 || p[2] > range) continue;
+        if (!(p[2] > 0.5 && p[2] <= range)) continue;
         const double u = camera.fx * p[0] / p[2] + camera.cx, v = camera.fy * p[1] / p[2] + camera.cy;
-        if (u < border_px || v < border_px || u >= camera.width - border_px || v >= camera.height - border_px) continue;
+        if (!(u >= border_px && v >= border_px && u < camera.width - border_px && v < camera.height - border_px)) continue;
         const double measured =
             depth_m[static_cast<std::int64_t>(v) * camera.width + static_cast<std::int64_t>(u)] / cell_m;
-        if (measured == 0.0 || measured >= p[2]) continue;
+        if (!(measured > 0.0 && measured < p[2])) continue;
         Point end;
         for (int a = 0; a < 3; ++a) end[a] = camera.position[a] + (centre[a] - camera.position[a]) * (measured / p[2]);
         if (cell_of(end) == cell) continue;

@@ -25,8 +25,10 @@ std::int64_t integrate_rays(const Grid& grid, std::uint8_t* states, float* log_o
                             const ChangedChunks& changed) {
   const auto end_of = [&](std::int64_t ray) { return Point{ends[3 * ray], ends[3 * ray + 1], ends[3 * ray + 2]}; };
 
+  if (is_far(origin)) return 0;
   Cell low = cell_of(origin), high = low;
   for (std::int64_t ray = 0; ray < n_rays; ++ray) {
+    if (is_far(end_of(ray))) continue;
     const Cell c = cell_of(end_of(ray));
     for (int a = 0; a < 3; ++a) {
       low[a] = std::min(low[a], c[a]);
@@ -47,7 +49,7 @@ std::int64_t integrate_rays(const Grid& grid, std::uint8_t* states, float* log_o
   for (std::int64_t ray = 0; ray < n_rays; ++ray) {
     const Point end = end_of(ray);
     double t_first, t_last;
-    if (!clip_to_grid(grid, origin, end, t_first, t_last)) continue;
+    if (is_far(end) || !clip_to_grid(grid, origin, end, t_first, t_last)) continue;
     const Cell end_cell = cell_of(end);
     walk(grid, origin, end, t_first, t_last, [&](const Cell& cell, double, double) {
       // The voxel of a return is not passed by its own ray.
@@ -57,7 +59,7 @@ std::int64_t integrate_rays(const Grid& grid, std::uint8_t* states, float* log_o
     });
   }
   for (std::int64_t ray = 0; ray < n_rays; ++ray) {
-    if (!is_hit[ray]) continue;
+    if (!is_hit[ray] || is_far(end_of(ray))) continue;
     const Cell c = cell_of(end_of(ray));
     if (grid.contains(c)) marks[span.offset(local(c))] = kHit;
   }

@@ -36,7 +36,8 @@ struct ChangedChunks {
   }
 };
 
-// Returns how many voxels were observed for the first time; marks where states changed.
+// Returns how many voxels were observed for the first time; marks where states changed. Rays whose ends are no numbers
+// are left out.
 std::int64_t integrate_rays(const Grid& grid, std::uint8_t* states, float* log_odds, const Point& origin,
                             const double* ends, const std::uint8_t* is_hit, std::int64_t n_rays, const LogOdds& model,
                             const ChangedChunks& changed);

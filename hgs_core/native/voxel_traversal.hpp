@@ -22,9 +22,17 @@ struct Grid {
   }
 };
 
+// Coordinates beyond this, and those that are no numbers, lie in no grid.
+inline constexpr double kFarthest = 1e12;
+inline bool is_far(const Point& p) {
+  return !(std::fabs(p[0]) < kFarthest && std::fabs(p[1]) < kFarthest && std::fabs(p[2]) < kFarthest);
+}
+
 inline Cell cell_of(const Point& p) {
-  return {static_cast<std::int64_t>(std::floor(p[0])), static_cast<std::int64_t>(std::floor(p[1])),
-          static_cast<std::int64_t>(std::floor(p[2]))};
+  const auto whole = [](double x) {
+    return static_cast<std::int64_t>(x < kFarthest ? (x > -kFarthest ? std::floor(x) : -kFarthest) : kFarthest);
+  };
+  return {whole(p[0]), whole(p[1]), whole(p[2])};
 }
 
 // The part [t_first, t_last] of the segment from + t * (to - from), 0 <= t <= 1, inside the grid's box.
