@@ -36,7 +36,7 @@ from hgs_core.live.messages import (
 
 _BACKOFF_S: Final = (0.2, 5.0)
 _WELCOME_S: Final = 30.0
-"""A mission's process may still be starting."""
+"""A mission's process may still be starting; or the hello was spoilt on its way, and is to be said again."""
 _LEAST_SILENCE_S: Final = 3.0
 """A connection on which nothing is heard for so long, or for twice the dead-man's time, is given up."""
 _STAND_S: Final = 5.0
@@ -91,6 +91,8 @@ class RobotClient:
         self._say = say
         self._loop: asyncio.AbstractEventLoop | None = None
         self._connection: Connection | None = None
+        self._hello_at = 0.0
+        """When the newest was said, by `time.monotonic`."""
         self._outcome: Outcome | None = None
         self._bye: Bye | None = None
         """What it has said, and says again on a new connection, until it is over."""
@@ -205,6 +207,7 @@ class RobotClient:
             complaint=self._complaint,
         )
         self._send(self._onboard.hello())
+        self._hello_at = time.monotonic()
         connection = self._connection
         try:
             problem = await connection.talk(self._over)
@@ -226,7 +229,11 @@ class RobotClient:
         return close_code in _HOPELESS or self._too_large >= _MOST_TOO_LARGE
 
     def _complaint(self) -> str | None:
-        """Answers that never come would leave a robot without credits, and the mission without frames."""
+        """A welcome or answers that never come would leave a robot without credits, and the mission without
+        frames, however much else is said."""
+        waits_s = time.monotonic() - self._hello_at
+        if not self._frames.welcomed and waits_s > _WELCOME_S:
+            return f"no welcome for {waits_s:.0f} s"
         starves_s = self._frames.starves_s()
         return f"no frame was answered for {starves_s:.0f} s" if starves_s > _ANSWER_S else None
 

@@ -41,6 +41,8 @@ class FakeService:
         self.credits = credits
         self.heartbeats = True
         self.answers = True
+        self.deaf_to_hellos = 0
+        """So many hellos are still to be lost on their way."""
         self.refuse_with: int | None = None
         """An HTTP status with which connections are refused."""
         self.connections = 0
@@ -137,6 +139,10 @@ class FakeService:
             async for content in socket:
                 assert isinstance(content, bytes)
                 message = from_robot(content)
+                if isinstance(message, Hello) and self.deaf_to_hellos > 0:
+                    self.deaf_to_hellos -= 1
+                    self._socket = socket
+                    continue
                 try:
                     checks.admit(message)
                 except StreamError as error:

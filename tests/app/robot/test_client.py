@@ -174,6 +174,19 @@ def test_a_cut_connection_is_made_again(service, start):
     assert robot.client.figures.connections == 3
 
 
+def test_a_hello_that_was_spoilt_on_its_way_is_said_again(service, start, monkeypatch):
+    """The service speaks on, but does not welcome who did not introduce itself."""
+    monkeypatch.setattr("app.robot.client._WELCOME_S", 0.5)
+    service.deaf_to_hellos = 2
+    robot = start()
+    service.wait_for(lambda: robot.client.figures.taken > 2)
+    assert service.deaf_to_hellos == 0
+    assert service.connections == 1
+    assert any("no welcome for" in line for line in robot.said)
+    service.end()
+    assert robot.join() is Outcome.ENDED
+
+
 def test_rubbish_changes_nothing(service, start):
     robot = start()
     service.say(service.path(1, [[0.0, 0.0], [0.5, 0.0]]))
