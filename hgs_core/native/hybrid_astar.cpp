@@ -7,6 +7,7 @@
 #include <queue>
 #include <utility>
 
+#include "car_departure.hpp"
 #include "car_way.hpp"
 
 namespace hgs {
@@ -75,6 +76,19 @@ class Search {
     }
     if (free_goals.empty() || cell_of(start) < 0) return {};
     reach({start, 0.0, -1, {0.0, 0.0}, false});
+    std::vector<Piece> way = searched(free_goals, expanded);
+    if (way.empty() && *expanded < limits_.most_expanded) {  // no step of the lattice leads far: shorter ones may
+      depart(start);
+      way = searched(free_goals, expanded);
+    }
+    return way;
+  }
+
+ private:
+  using Entry = std::pair<double, int32_t>;
+
+  // From what waits in the queue, as long as there is patience.
+  std::vector<Piece> searched(const std::vector<int>& free_goals, int* expanded) {
     double patience = 0.0;
     double best = kInfinity;  // cost of the best complete way
     int32_t best_node = -1;
@@ -110,8 +124,28 @@ class Search {
     return way;
   }
 
- private:
-  using Entry = std::pair<double, int32_t>;
+  // Begins anew with all that short pieces lead to.
+  void depart(const Pose& start) {
+    nodes_.clear();
+    index_ = StateIndex(static_cast<size_t>(floor_.nx) * floor_.ny);
+    for (const Departure& to : departures(space_, car_, start)) {
+      double cost = 0.0;
+      if (to.parent >= 0) {
+        const Node& from = nodes_[static_cast<size_t>(to.parent)];
+        cost = from.cost + drive_cost(floor_, nullptr, car_, from.pose, to.piece) +
+               change_cost(car_.costs, from.piece, to.piece);
+      }
+      const auto number = static_cast<int32_t>(nodes_.size());
+      nodes_.push_back({to.pose, cost, to.parent, to.piece, false});
+      const int32_t cell = cell_of(to.pose);
+      const double left = cell < 0 ? kInfinity : heuristic(to.pose);
+      if (left == kInfinity) continue;
+      int32_t& known = index_(cell, heading_of(to.pose.yaw));
+      if (known >= 0 && nodes_[static_cast<size_t>(known)].cost <= cost) continue;
+      known = number;
+      queue_.emplace(cost + limits_.weight * left, number);
+    }
+  }
 
   int32_t cell_of(const Pose& pose) const {
     if (!(pose.x >= 0.0 && pose.y >= 0.0 && pose.x < floor_.nx && pose.y < floor_.ny)) return -1;

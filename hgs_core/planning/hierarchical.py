@@ -27,6 +27,7 @@ from hgs_core.planning.cycle import PlanningCycle
 from hgs_core.planning.executable_path import (
     CAR_LEGS,
     CAR_TRIES,
+    NO_WAY,
     Route,
     car_route,
     first_exit,
@@ -240,7 +241,10 @@ class HierarchicalPlanner(SurveyingPlanner):
     ) -> NothingLeft:
         unseen = self._survey.unseen(cycle)
         best = max((view.total_gain for view in local.rejected), default=0.0)
-        why = f"no reachable view gains {self.config.gain_threshold:.2f} or more, the best {best:.2f}"
+        if local.tour or tour.goals:
+            why = NO_WAY
+        else:
+            why = f"no reachable view gains {self.config.gain_threshold:.2f} or more, the best {best:.2f}"
         return NothingLeft(
             unseen=unseen,
             candidates=self._candidates(tour, local),

@@ -69,6 +69,30 @@ def test_what_the_car_stands_in_is_forgiven_but_not_driven_into_deeper():
     assert poses_free(grid, BODY, poses, standing=standing).tolist() == [True, True, False]
 
 
+@pytest.mark.parametrize("standing", [[1.42727, 1.44573, 0.212204], [1.45, 1.45, 0.157]])
+def test_a_car_gets_out_of_a_place_where_no_step_of_the_lattices_fits(standing):
+    """As a robot once stood, between a wall and a chair: it could go, but only by a hand's breadth."""
+    voxels = room(29, 29)
+    voxels.states[:12] = 2
+    for j, taken in enumerate(
+        ("#####..###", "######.###", "######..###", "######..###", "######.###", "#####..###")
+    ):
+        first = 18 if len(taken) == 11 else 19
+        for i, mark in enumerate(taken, first):
+            voxels.states[i, 13 - j] = 2 if mark == "#" else voxels.states[i, 13 - j]
+    voxels.note_change()
+    grid, pose = grid_of(voxels), np.array(standing)
+    assert poses_free(grid, BODY, pose[None], standing=np.zeros((0, 3)))[0]
+    ways = CarWays(grid, CAR, CONFIG, pose)
+    assert np.count_nonzero(ways.reach.anyhow) > 150
+    goal = np.array([2.2, 2.2, np.pi])
+    way = ways.way(pose, goal[:2], goal[2:])
+    assert way is not None
+    assert way.positions_m[-1] == pytest.approx(goal[:2], abs=1e-6)
+    poses = np.column_stack([way.positions_m, way.headings_rad])
+    assert poses_free(grid, BODY - CONFIG.margin_m, poses, standing=np.zeros((0, 3))).all()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_way_ends_where_it_should_keeps_its_curvature_and_meets_nothing(seed):
     grid = cluttered(seed)
