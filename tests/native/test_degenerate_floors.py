@@ -1,5 +1,6 @@
 """The kernels of floors and ways at the edge of what they take: empty and one-cell grids, places in walls, on
-the border and far off, numbers that are none. With `make sanitize` every access and every conversion is checked, too.
+the border and far off, numbers that are none. With `make sanitize` every access and every
+conversion is checked, too.
 
 Whatever comes in, a kernel either refuses it (`ValueError`) or answers by its laws.
 """
