@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,6 +22,9 @@ from hgs_core.planning.plan import SubspaceState, UnseenReason
 from hgs_core.planning.sampling import poisson_disk
 from hgs_core.planning.subspaces import Key, MissingInCuboid
 from hgs_core.planning.views import View
+
+_SAME_PLACE_M: Final = 0.02
+"""The pieces of a car's way add up to its goal only nearly."""
 
 
 class SubspaceViewsConfig(StrictConfig):
@@ -85,7 +88,11 @@ class SubspaceViews:
 
     def forget_at(self, place_m: Float[ndarray, " 2"]) -> None:
         """Score the subspace anew whose view is here: it has turned out to be worth less."""
-        self._views = {key: known for key, known in self._views.items() if np.any(known.view.xy_m != place_m)}
+        self._views = {
+            key: known
+            for key, known in self._views.items()
+            if np.hypot(*(known.view.xy_m - place_m)) > _SAME_PLACE_M
+        }
 
     def update(self, cycle: PlanningCycle, rng: np.random.Generator, *, whole_map: bool) -> OpenSubspaces:
         """The subspaces that are open now; with `whole_map`, also for what is missing inside the horizon."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,9 @@ from hgs_core.planning.config import HierarchicalConfig
 from hgs_core.planning.global_planner import GlobalConfig
 from hgs_core.planning.hierarchical import HierarchicalPlanner
 from hgs_core.planning.plan import CandidateStatus, NothingLeft, Plan, Planner, UnseenReason
+from hgs_core.robot.ackermann import AckermannConfig
+from hgs_core.robot.differential import DifferentialConfig
+from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 from tests.planning.closed_loop import (
     GAIN_THRESHOLD_M3,
@@ -180,6 +184,29 @@ def test_a_view_that_lost_its_gain_is_reported_once_a_second() -> None:
     reason = planner.should_replan(robot.snapshot, robot.state, plan, 0)
     assert reason is not None
     assert reason.startswith("target already seen")
+
+
+@pytest.mark.parametrize("vehicle", [DifferentialConfig(), AckermannConfig()], ids=["wheeled", "car"])
+def test_what_was_seen_on_the_way_is_not_proposed_again(vehicle: RobotConfig) -> None:
+    """A car's way ends beside its goal by rounding: its subspace's view must be forgotten all the same."""
+    context = replace(context_in(None), robot=vehicle)
+    planner = HierarchicalPlanner(HierarchicalConfig(), context, CountingGain())
+    _, robot = planner_on(half_seen_room(), 0.95, 2.05)
+    plan = planner.plan(robot.snapshot, robot.state, np.random.default_rng(0))
+    assert isinstance(plan, Plan)
+    end_m = plan.path.positions_m[np.flatnonzero(np.isfinite(plan.path.yaws_rad))[0]]
+
+    def away_m() -> list[float]:
+        return [
+            float(np.hypot(*(entry["view"]["xy_m"] - end_m))) for entry in planner.state()["global"]["views"]
+        ]
+
+    assert min(away_m()) < 0.01, "the plan must lead to a subspace's view for this test"
+    robot.voxels.states[45:59, 1:39, 1:] = VoxelState.FREE
+    robot.voxels.note_change()
+    robot.time_s += 1.0
+    assert "already seen" in (planner.should_replan(robot.snapshot, robot.state, plan, 0) or "")
+    assert min(away_m(), default=np.inf) > 0.01
 
 
 def test_a_gain_that_never_drops_does_not_hold_the_robot_for_ever() -> None:
