@@ -32,6 +32,7 @@ ABLATIONS: Final[dict[str, dict[str, Any]]] = {
     "centres follow the newest depth": {"fusion": {"max_observations": 1}},
     "centres not optimised": {"rates": {"centre": 0.0}},
     "coarse Gaussians stay": {"insertion": {"replace_factor": 1e6}},
+    "one Gaussian a pixel at most": {"insertion": {"grazing_pitch": 1.0}},
     "plain walls as dense as detail": {"insertion": {"widest_factor": 1.0}},
     "no loss of depth": {"loss": {"depth": 0.0}},
     "no loss of silhouette": {"loss": {"silhouette": 0.0}},

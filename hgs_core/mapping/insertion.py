@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float32, Int
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import N_PARAMETERS, Primitive
@@ -14,7 +14,8 @@ from hgs_core.gaussians.place_order import place_order
 from hgs_core.gaussians.rendered_view import RenderedView
 from hgs_core.mapping.config import InsertionConfig
 from hgs_core.mapping.keyframes import TrainingImage
-from hgs_core.mapping.surface import surface_borders, surface_normals, surface_steps
+from hgs_core.mapping.pixel_lattice import lattice_points
+from hgs_core.mapping.surface import surface_borders, surface_normals
 
 _CONTRAST_CELL: Final = 4
 
@@ -71,30 +72,24 @@ def new_gaussians(
 ) -> NewGaussians:
     """Gaussians about `spacing_m` apart on the surface seen in the wanted pixels, sorted by place.
 
-    They lie on a lattice of pixels whose pitch, in columns and in rows, is the power of two that comes
-    nearest to that spacing on the surface (slanted as it is, with `follow_slant`): powers of two, so that
-    lattices of different pitch share their points. Discs lie in the surface (`surface_normals`).
+    See `lattice_points`. Discs lie in the surface (`surface_normals`).
     """
-    rows, columns = np.nonzero(wanted)
-    across, down = _steps(image, rows, columns, follow_slant=config.follow_slant)
-    u_pitch = _pitch(spacing_m[rows, columns] / across)
-    v_pitch = _pitch(spacing_m[rows, columns] / down)
-    chosen = (rows % v_pitch == 0) & (columns % u_pitch == 0)
-    rows, columns = rows[chosen], columns[chosen]
-    radius = config.radius_factor * np.sqrt(across * u_pitch * down * v_pitch)[chosen]
-
-    camera = image.intrinsics
-    z = image.depth_m[rows, columns].astype(np.float64)
-    x = (columns + 0.5 - camera.cx) / camera.fx * z
-    y = (rows + 0.5 - camera.cy) / camera.fy * z
-    parameters = np.empty((len(z), N_PARAMETERS), np.float32)
-    parameters[:, 0:3] = image.T_world_camera.apply(np.stack([x, y, z], axis=1))
-    parameters[:, 3:6] = image.rgb[rows, columns] / np.float32(255.0)
-    parameters[:, 6] = np.log(radius)
+    at = lattice_points(
+        image.depth_m,
+        image.intrinsics,
+        wanted,
+        spacing_m,
+        follow_slant=config.follow_slant,
+        grazing_pitch=config.grazing_pitch,
+    )
+    parameters = np.empty((len(at.rows), N_PARAMETERS), np.float32)
+    parameters[:, 0:3] = image.T_world_camera.apply(at.points_m)
+    parameters[:, 3:6] = image.rgb[at.rows, at.columns] / np.float32(255.0)
+    parameters[:, 6] = np.log(config.radius_factor * at.apart_m)
     parameters[:, 7] = np.log(config.opacity / (1.0 - config.opacity))
-    normals = np.zeros((len(z), 0), np.float32)
+    normals = np.zeros((len(at.rows), 0), np.float32)
     if primitive == "disc":
-        seen = surface_normals(image.depth_m, camera, rows, columns)
+        seen = surface_normals(image.depth_m, image.intrinsics, at.rows, at.columns)
         normals = (seen @ image.T_world_camera.rotation.T).astype(np.float32)
     return NewGaussians(parameters=parameters, normals=normals).chosen(place_order(parameters[:, 0:3]))
 
@@ -110,18 +105,3 @@ def _contrast(image: TrainingImage) -> Float32[ndarray, "height width"]:
     wide = np.repeat(np.repeat(span, _CONTRAST_CELL, axis=0), _CONTRAST_CELL, axis=1)
     contrast: Float32[ndarray, "height width"] = wide[:height, :width]
     return contrast
-
-
-def _steps(
-    image: TrainingImage, rows: Int[ndarray, " n"], columns: Int[ndarray, " n"], *, follow_slant: bool
-) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
-    """How far it is from each of the pixels to the next column, and to the next row [m]."""
-    if follow_slant:
-        return surface_steps(image.depth_m, image.intrinsics, rows, columns)
-    depth = image.depth_m[rows, columns].astype(np.float64)
-    return depth / image.intrinsics.fx, depth / image.intrinsics.fy
-
-
-def _pitch(pixels: Float[ndarray, " n"]) -> Int[ndarray, " n"]:
-    """The power of two (1, 2, 4 ...) nearest to so many pixels."""
-    return np.exp2(np.round(np.log2(np.maximum(pixels, 1.0)))).astype(np.int64)

@@ -13,7 +13,7 @@ from hgs_core.geometry.camera import CameraIntrinsics
 _BEND_M: Final = 0.05
 """Beyond the noise of smoothed depth."""
 
-_LONGEST: Final = 8.0
+_LONGEST: Final = 32.0
 """Steps end at so many times those of a surface that faces the camera."""
 
 _HALF_WINDOW: Final = 3
@@ -84,6 +84,30 @@ def surface_normals(
     found = (on_plane.sum(axis=1) >= _FEWEST_ON_PLANE) & (np.sum(normals * ray, axis=1) > 0.0)
     towards = np.where(found[:, None], -normals, -ray)
     return towards / np.linalg.norm(towards, axis=1, keepdims=True)
+
+
+def surface_slopes(
+    depth_m: Float32[ndarray, "height width"],
+    rows: Int[ndarray, " n"],
+    columns: Int[ndarray, " n"],
+    axis: int,
+) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
+    """Of inverse depth by column (axis 0) or by row (1) [1/m/px], and whether it is that of a surface.
+
+    It is on the sides where inverse depth goes on straight, to `_BEND_M`, for two pixels; the mean of both
+    sides'. 0 where there is no such side, as on a leg of one pixel.
+    """
+    here = 1.0 / depth_m[rows, columns].astype(np.float64)
+    total, sides = np.zeros(len(rows)), np.zeros(len(rows))
+    for side in (-1, 1):
+        beside, beyond = (
+            _inverse_depth(depth_m, rows + far * side * axis, columns + far * side * (1 - axis))
+            for far in (1, 2)
+        )
+        straight = np.abs(here - 2.0 * beside + beyond) < _BEND_M * here**2
+        total += np.where(straight, side * (beside - here), 0.0)
+        sides += straight
+    return total / np.maximum(sides, 1.0), sides > 0
 
 
 def surface_borders(depth_m: Float32[ndarray, "height width"]) -> Bool[ndarray, "height width"]:

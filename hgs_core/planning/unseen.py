@@ -14,10 +14,10 @@ from hgs_core.planning.plan import SubspaceState, UnseenReason, UnseenRegion
 from hgs_core.planning.subspaces import SubspacePartition
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
-OCCLUDED_VOXELS = 50
+OCCLUDED_M3 = 0.05
 """Dismissed voxels in smaller clusters are specks behind edges, not regions."""
-OPENING_VOXELS = 100
-"""Free voxels on the region's border in smaller clusters are not openings: 1 m^2 at 0.1 m."""
+OPENING_M2 = 1.0
+"""Free voxels on the region's border in smaller clusters are not openings."""
 
 
 Lost = tuple[UnseenReason, Float[ndarray, "_ 2"]]
@@ -47,6 +47,7 @@ def unseen_regions(
         for box, count in _clusters(voxels.missing(), minimum=1)
     ]
     dismissed = _dismissed(voxels if whole is None else whole)
+    size_m = voxels.config.size_m
     if voxels.interest is not None and whole is not None:
         outside = ~voxels.interest[..., None]
         regions += [
@@ -56,12 +57,12 @@ def unseen_regions(
         dismissed &= ~outside
     regions += [
         _region(voxels, box, count, UnseenReason.OCCLUDED)
-        for box, count in _clusters(dismissed, minimum=OCCLUDED_VOXELS)
+        for box, count in _clusters(dismissed, minimum=round(OCCLUDED_M3 / size_m**3))
     ]
     if region is not None:
         regions += [
             _region(voxels, box, count, UnseenReason.OUT_OF_BOUNDS)
-            for box, count in _clusters(_openings(voxels), minimum=OPENING_VOXELS)
+            for box, count in _clusters(_openings(voxels), minimum=round(OPENING_M2 / size_m**2))
         ]
     return tuple(sorted(regions, key=lambda r: (-r.volume_m3, r.lower_m)))
 

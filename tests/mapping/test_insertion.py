@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from hgs_core.gaussians.gaussian_map import CENTRE, LOG_RADIUS, RGB
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
@@ -94,6 +95,39 @@ def test_a_slanted_floor_is_covered_evenly() -> None:
     assert len(inner) == pytest.approx(2.0 * 1.9 / 0.05**2, rel=0.35)
     radius = np.exp(parameters[:, LOG_RADIUS]) / CONFIG.radius_factor
     assert np.all((radius > 0.03) & (radius < 0.085))
+
+
+def test_a_surface_seen_at_a_grazing_angle_has_no_gaps() -> None:
+    """A table's top a hand below the camera: rows of pixels are up to 20 cm apart on it."""
+    row = np.arange(340)[:, None] + 0.5
+    drop = np.maximum((row - CAMERA.cy) / CAMERA.fy, 1e-3)
+    depth = np.where((0.15 / drop < 4.0) & (0.15 / drop > 1.0), 0.15 / drop, 0.0) + np.zeros((1, 600))
+    image = picture(depth)
+    spacing = np.where(image.measured, 0.04, 0.0).astype(np.float32)
+    sparse = new_gaussians(
+        image, image.measured, spacing, CONFIG.model_copy(update={"grazing_pitch": 1.0})
+    ).parameters
+    dense = new_gaussians(image, image.measured, spacing, CONFIG).parameters
+    x = np.linspace(-0.5, 0.5, 60)
+    z = np.linspace(1.05, 3.6, 300)
+    top = np.stack(np.broadcast_arrays(x[:, None], 0.15, z), axis=-1).reshape(-1, 3)
+    gap_m = {
+        name: float(cKDTree(in_camera(image, parameters)).query(top)[0].max())
+        for name, parameters in (("sparse", sparse), ("dense", dense))
+    }
+    assert gap_m["sparse"] > 0.07
+    assert gap_m["dense"] < 0.05
+    np.testing.assert_allclose(in_camera(image, dense)[:, 1], 0.15, atol=2e-3)
+    assert np.median(dense[:, LOG_RADIUS]) < np.median(sparse[:, LOG_RADIUS])
+
+
+def test_a_leg_of_one_pixel_is_not_smeared_along_the_ray() -> None:
+    depth = np.full((340, 600), 4.0)
+    depth[:, 100] = 3.85
+    image = picture(depth)
+    near_m = np.full((340, 600), 0.008, np.float32)
+    points = in_camera(image, new_gaussians(image, ALL, near_m, CONFIG).parameters)
+    assert set(np.unique(points[:, 2].round(3)).tolist()) == {3.85, 4.0}
 
 
 def test_wider_spacing_uses_a_part_of_the_same_lattice() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hgs_core.geometry.camera import CameraIntrinsics
-from hgs_core.mapping.surface import surface_borders, surface_normals, surface_steps
+from hgs_core.mapping.surface import surface_borders, surface_normals, surface_slopes, surface_steps
 
 CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
 
@@ -37,10 +37,10 @@ def test_steps_at_a_border_follow_the_surface_and_not_the_jump() -> None:
 
 
 def test_steps_have_an_end() -> None:
-    depth = plane_depth((1.0, 0.0, 0.02), 1.0)
-    rows, columns = np.array([20]), np.array([31])
+    depth = plane_depth((1.0, 0.0, 0.0), 1.0)
+    rows, columns = np.array([20]), np.array([30])
     across, _ = surface_steps(depth, CAMERA, rows, columns)
-    np.testing.assert_allclose(across, 8.0 * depth[20, 31] / CAMERA.fx, rtol=1e-5)
+    np.testing.assert_allclose(across, 32.0 * depth[20, 30] / CAMERA.fx, rtol=1e-5)
 
 
 def test_borders_are_where_surfaces_end_and_nowhere_on_a_plane() -> None:
@@ -62,6 +62,27 @@ def test_what_noise_is_left_makes_no_borders() -> None:
     depth = plane_depth((0.3, 0.2, 1.0), 3.0)
     noisy = depth + rng.normal(0.0, 0.005, depth.shape).astype(np.float32)
     assert surface_borders(noisy).mean() < 0.02
+
+
+def test_a_surface_goes_on_up_to_its_border_and_nowhere_on_a_leg_of_one_pixel() -> None:
+    depth = plane_depth((0.5, 0.2, 1.0), 2.0)
+    depth[:, 30:] += np.float32(0.7)
+    depth[:, 50] = 0.5
+    depth[:, 5] = 0.0
+    columns = np.arange(60)
+    rows = np.full(60, 20)
+    measured = columns != 5
+    by_column, along = surface_slopes(depth, rows[measured], columns[measured], 0)
+    assert set(columns[measured][~along].tolist()) == {50}
+    inverse = 1.0 / depth[20].astype(np.float64)
+    assert by_column[28] == pytest.approx(
+        inverse[29] - inverse[28], abs=1e-5
+    )  # column 29, the last before the jump
+    assert surface_slopes(depth, rows[measured], columns[measured], 1)[1].all()
+    every_other = np.where(np.arange(40)[:, None] % 2, depth, 0.0).astype(np.float32)
+    slopes, goes_on = surface_slopes(every_other, rows + 1, columns, 1)
+    assert not goes_on[measured].any()
+    assert not slopes.any()
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.5, 0.1, 1.0), (-0.2, 0.6, 1.0), (0.9, 0.0, 0.25)])

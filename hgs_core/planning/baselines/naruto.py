@@ -50,10 +50,10 @@ class NarutoConfig(NextBestViewConfig):
     """Of `gain`, the scale of coverage, the prior information and the bins count here."""
 
     method: Literal["naruto"] = "naruto"
-    top_voxels: int = Field(4000, ge=1)
-    """So many of the most uncertain voxels ..."""
+    top_volume_m3: float = Field(4.0, gt=0)
+    """So much of the most uncertain space (the original's 4000 voxels) ..."""
     drawn_voxels: int = Field(300, ge=1)
-    """... are drawn from to get so many targets."""
+    """... is drawn from to get so many targets."""
     settled_uncertainty: float = Field(0.3, gt=0, lt=1)
     """Voxels of less uncertainty than this are no targets (1 = nothing is known)."""
     reach_m: tuple[float, float] = (0.5, 2.0)
@@ -87,7 +87,8 @@ class Naruto:
         if look is not None:
             return Choice(stops=[look], reason=f"looking on from the goal (gain {look.total_gain:.2f})")
         uncertain = self._uncertain(cycle, rng)
-        n_top = min(len(uncertain), config.top_voxels)
+        of_volume = round(config.top_volume_m3 / cycle.snapshot.voxels.config.size_m**3)
+        n_top = min(len(uncertain), max(of_volume, 1))
         drawn = rng.permutation(uncertain[:n_top])[: config.drawn_voxels]
         views = self._views(cycle, drawn, n_top, config.goal_spacing_m, config.reach_m)
         found = f"most uncertainty of {len(drawn)} targets"
