@@ -44,6 +44,8 @@ class GainFirstConfig(NextBestViewConfig):
     """... but this is enough where the robot stands, and between the two in proportion ..."""
     full_price_m: float = Field(3.0, gt=0)
     """... up to so long a way to it [m]."""
+    last_share: float = Field(1.0, gt=0, le=1)
+    """Once nothing gains that, so much of it is enough, until the end: corners come last."""
     abandon_share: float = Field(0.5, gt=0, le=1)
     """A view on the way is given up when its gain fell below this share of what a stop must be worth, and
     looked at anew, with all others, when it fell below this share of what was expected."""
@@ -83,19 +85,20 @@ class GainFirst:
         self._wanted_m: Float[ndarray, "n 2"] = np.zeros((0, 2))
         self._expected = 0.0
         """The gain of the first of them."""
+        self._enough = 1.0
+        """A stop must be worth so much of the thresholds."""
 
     def choose(self, cycle: PlanningCycle, rng: np.random.Generator) -> Choice:
         found = self._subspaces.update(cycle, rng, whole_map=True)
         near = self._sampled(cycle, rng, found.in_horizon)
-        enough = self._threshold(self._travel.driving_m(cycle, near))
-        worth = [view for view, least in zip(near, enough, strict=True) if view.total_gain >= least]
-        rejected = [view for view, least in zip(near, enough, strict=True) if view.total_gain < least]
+        worth, rejected = self._sifted(cycle, near)
         far = self._renewed(cycle, found.goals)
         if not worth and not far:
             # Before giving up: every open subspace, scored anew.
-            self._subspaces.forget()
+            self._settle_for_less(cycle)
             again = self._subspaces.update(cycle, rng, whole_map=True)
-            worth, far = again.in_horizon, again.goals
+            worth, rejected = self._sifted(cycle, [*near, *again.in_horizon])
+            far = again.goals
             rejected += again.rejected
             found.unreachable += again.unreachable
         stops = self._ordered(cycle, [*worth, *far])
@@ -107,6 +110,7 @@ class GainFirst:
             outranked=later,
             rejected=[*rejected, *found.rejected],
             unreachable_m=found.unreachable,
+            threshold=self._enough * self._config.gain_threshold,
             reason=self._explained(worth, far, rejected, found),
         )
 
@@ -121,18 +125,21 @@ class GainFirst:
 
     def reconsider(self) -> None:
         self._subspaces.forget()
+        self._demand(1.0)
 
     def state(self) -> dict[str, Any]:
         return {
             "subspaces": self._subspaces.state(),
             "wanted_m": self._wanted_m.copy(),
             "expected": self._expected,
+            "enough": self._enough,
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         self._subspaces.restore(state["subspaces"])
         self._wanted_m = np.array(state["wanted_m"], dtype=np.float64).reshape(-1, 2)
         self._expected = float(state["expected"])
+        self._demand(float(state["enough"]))
 
     def _threshold(self, away_m: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
         """What a stop must be worth after so long a way."""
@@ -141,7 +148,26 @@ class GainFirst:
         threshold: Float[ndarray, " n"] = config.glance_threshold + share * (
             config.gain_threshold - config.glance_threshold
         )
-        return threshold
+        return self._enough * threshold
+
+    def _demand(self, share: float) -> None:
+        """From now on a stop must be worth so much of the thresholds."""
+        self._enough = share
+        self._subspaces.gain_threshold = share * self._config.gain_threshold
+
+    def _settle_for_less(self, cycle: PlanningCycle) -> None:
+        self._subspaces.forget()
+        if self._enough > self._config.last_share:
+            self._demand(self._config.last_share)
+            cycle.partition.reopen_exhausted()
+
+    def _sifted(self, cycle: PlanningCycle, views: list[View]) -> tuple[list[View], list[View]]:
+        """The views that are worth a stop, and the others."""
+        worth: list[View] = []
+        rejected: list[View] = []
+        for view, least in zip(views, self._threshold(self._travel.driving_m(cycle, views)), strict=True):
+            (worth if view.total_gain >= least else rejected).append(view)
+        return worth, rejected
 
     def _sampled(self, cycle: PlanningCycle, rng: np.random.Generator, suggested: list[View]) -> list[View]:
         """Views inside the horizon: from the robot's place, from those that were wanted before or suggested
@@ -164,7 +190,7 @@ class GainFirst:
         renewed = cycle.score(np.array([view.cell for view in goals], np.int64), coverage_only=True)
         worth = []
         for goal, view in zip(goals, renewed, strict=True):
-            if view.total_gain >= self._config.gain_threshold:
+            if view.total_gain >= self._subspaces.gain_threshold:
                 worth.append(view)
             else:
                 self._subspaces.forget_at(goal.xy_m)
@@ -198,7 +224,9 @@ class GainFirst:
     ) -> str:
         if not worth and not far:
             best = max((view.total_gain for view in rejected), default=0.0)
-            return f"no reachable view gains {self._config.gain_threshold:.2f} or more, the best {best:.2f}"
+            return (
+                f"no reachable view gains {self._subspaces.gain_threshold:.2f} or more, the best {best:.2f}"
+            )
         parts = []
         if worth:
             best = max(view.total_gain for view in worth)

@@ -57,6 +57,8 @@ class Choice:
     """What is worth a stop, too, but comes later, if at all."""
     unreachable_m: list[Float[ndarray, " 2"]] = field(default_factory=list)
     """Middles of what is missing where no reachable place can look at it."""
+    threshold: float | None = None
+    """The total gain that a stop must be worth; None: what the settings say, if they do."""
     reason: str
     """Why these, or why none: one clause for an operator."""
 
@@ -188,7 +190,9 @@ class NextBestViewPlanner(SurveyingPlanner):
             outranked=choice.outranked,
             rejected=choice.rejected,
             unreachable_m=choice.unreachable_m,
-            threshold=getattr(self.config, "gain_threshold", None),
+            threshold=getattr(self.config, "gain_threshold", None)
+            if choice.threshold is None
+            else choice.threshold,
         )
 
 

@@ -78,7 +78,8 @@ class SubspaceViews:
         camera_range_m: float,
     ) -> None:
         self.config = config
-        self._gain_threshold = gain_threshold
+        self.gain_threshold = gain_threshold
+        """The total gain that a view must have; may change."""
         self._camera_range_m = camera_range_m
         self._views: dict[Key, SubspaceView] = {}
 
@@ -180,7 +181,7 @@ class SubspaceViews:
                 )
 
     def _is_worth_a_stop(self, view: View | None) -> bool:
-        return view is not None and view.total_gain >= self._gain_threshold
+        return view is not None and view.total_gain >= self.gain_threshold
 
     def _still_holds(self, key: Key, volume_m3: float, n_places: int, cycle: PlanningCycle) -> bool:
         """Whether a subspace's view was chosen on much the same, and can still be taken."""

@@ -67,6 +67,26 @@ def test_little_gain_is_taken_along_but_not_driven_to() -> None:
     assert not choose(policy_of(), LocatedGain(here, lambda x, y: 7), 4.9, 1.5).stops
 
 
+def test_less_is_enough_once_nothing_gains_what_a_stop_must_be_worth() -> None:
+    """0.3 is less than the 0.4 of a stop, more than half of it: taken after all else, and from then on."""
+    cube = lambda x, y: int(x > 6.0)  # noqa: E731
+    first = LocatedGain(lambda x, y: 1.0 if x < 3.5 else 0.3 if x > 7.0 else 0.0, cube)
+    later = LocatedGain(lambda x, y: 0.3 if x > 7.0 else 0.0, cube)
+    assert not choose(policy_of(), later, 4.5, 1.5).stops
+    policy = policy_of(last_share=0.5)
+    before = choose(policy, first, 5.0, 1.5)
+    assert all(stop.xy_m[0] < 3.5 for stop in before.stops)
+    assert before.threshold == pytest.approx(0.4)
+    after = choose(policy, later, 4.5, 1.5)
+    assert [stop.xy_m[0] > 7.0 for stop in after.stops] == [True]
+    assert after.threshold == pytest.approx(0.2)
+    restored = policy_of(last_share=0.5)
+    restored.restore(policy.state())
+    assert choose(restored, first, 5.0, 1.5).threshold == pytest.approx(0.2)
+    restored.reconsider()
+    assert choose(restored, first, 5.0, 1.5).threshold == pytest.approx(0.4)
+
+
 def test_a_great_gain_far_away_comes_before_a_small_one_on_the_other_side() -> None:
     """0.5 is 1 m to the left. To the right, 3 m away, 8 lead to much more, 0.5 lead to nothing: then the
     shortest way counts."""
