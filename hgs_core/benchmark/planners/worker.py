@@ -15,7 +15,7 @@ import threading
 import traceback
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final
 
 from hgs_core.benchmark.planners.task import CellAnswer, CellTask
 
@@ -28,7 +28,7 @@ EXIT_ABANDONED: Final = 3
 def main() -> None:
     """Run the cell that standard input names, and answer."""
     task = CellTask(**json.loads(sys.stdin.buffer.readline()))
-    threading.Thread(target=_end_with, args=(sys.stdin.buffer,), name="leash", daemon=True).start()
+    threading.Thread(target=_end_with, args=(sys.stdin.fileno(),), name="leash", daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     _print_to(Path(task.log))
     with answers:
@@ -92,8 +92,10 @@ class _Unobserved:
         """Never asked for."""
 
 
-def _end_with(leash: IO[bytes]) -> None:
-    leash.read()
+def _end_with(leash: int) -> None:
+    # By its descriptor: a file object that a thread reads from cannot be closed when the interpreter ends.
+    while os.read(leash, 64):
+        pass
     os._exit(EXIT_ABANDONED)
 
 

@@ -85,6 +85,7 @@ def test_a_process_answers_for_every_end_of_its_cell(tmp_path: Path) -> None:
     results = {result.key.seed: result for result in seen.ended}
     assert results[0].status is CellStatus.FINISHED
     assert results[0].record.processor
+    assert "Fatal" not in CellFiles(tmp_path, results[0].key).log.read_text(), "the leash hinders the end"
     assert results[FAILING].message == "SceneError: no floor & nowhere to stand: 50% of {x_1}"
     assert results[DYING].message == "its process ended with exit code 9; see paper-17.log"
     assert "Traceback" in CellFiles(tmp_path, results[FAILING].key).log.read_text()
