@@ -9,7 +9,8 @@ from rich.table import Table
 from app.cli.console import OUTPUT
 
 if TYPE_CHECKING:
-    from hgs_core.benchmark.localisation import LocalisationBenchmark, LocalisedMaps
+    from hgs_core.benchmark.localisation import LocalisationBenchmark
+    from hgs_core.benchmark.localised_maps import LocalisedMaps
     from hgs_core.evaluation.trajectory_error import ErrorSpread
 
 
