@@ -61,6 +61,7 @@ def test_every_key_of_the_report_is_documented_and_no_other(repository: Path) ->
         "README.md",
         "docs/extending.md",
         "docs/report.md",
+        "docs/results.md",
         "docs/robots.md",
         "docs/scenes.md",
         "docs/service.md",
