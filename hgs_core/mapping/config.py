@@ -44,7 +44,8 @@ class InsertionConfig(StrictConfig):
     follow_slant: bool = True
     """Distances between pixels are measured on the slanted surface; otherwise as if it faced the camera."""
     grazing_pitch: float = Field(0.25, gt=0, le=1)
-    """At a grazing angle Gaussians are as little as this part of a pixel apart; 1 = one a pixel at most."""
+    """Where pixels are farther apart than `widest_m`, on a surface that is seen at a grazing angle, Gaussians
+    are as little as this part of a pixel apart; 1 = one a pixel at most."""
     opacity: float = Field(0.7, gt=0, lt=1)
     silhouette_threshold: float = Field(0.6, gt=0, lt=1)
     """Gaussians are added where less than this of the pixel is covered."""

@@ -80,6 +80,7 @@ def new_gaussians(
         wanted,
         spacing_m,
         follow_slant=config.follow_slant,
+        gap_m=config.widest_m,
         grazing_pitch=config.grazing_pitch,
     )
     parameters = np.empty((len(at.rows), N_PARAMETERS), np.float32)

@@ -37,14 +37,15 @@ def lattice_points(
     spacing_m: Float32[ndarray, "height width"],
     *,
     follow_slant: bool,
+    gap_m: float,
     grazing_pitch: float,
 ) -> LatticePoints:
     """Points about `spacing_m` apart on the surface seen in the wanted pixels, which must be measured.
 
     The pitch, in columns and in rows, is the power of two of pixels that comes nearest to that spacing on the
     surface (slanted as it is, with `follow_slant`): powers of two, so that lattices of different pitch share
-    their points. Pixels that are farther apart on the surface than that, as it is seen at a grazing angle,
-    give several points each, down to `grazing_pitch`, where the surface goes on beside them.
+    their points. Pixels that are farther apart than that and than `gap_m`, on a surface that is seen at a
+    grazing angle and goes on beside them, give several points each, down to `grazing_pitch`.
     """
     rows, columns = np.nonzero(wanted)
     depth = depth_m[rows, columns].astype(np.float64)
@@ -52,8 +53,10 @@ def lattice_points(
     steps = surface_steps(depth_m, camera, rows, columns) if follow_slant else facing
     pitches, slopes = [], []
     for axis in range(2):
-        ratio = spacing_m[rows, columns] / steps[axis]
-        pitch = np.exp2(np.round(np.log2(np.maximum(ratio, grazing_pitch))))
+        spacing = spacing_m[rows, columns]
+        beyond = np.maximum(spacing / steps[axis], 1.0)
+        within = np.clip(np.maximum(spacing, gap_m) / steps[axis], grazing_pitch, 1.0)
+        pitch = np.exp2(np.round(np.log2(beyond * within)))
         divided, slope = np.flatnonzero(pitch < 1.0), np.zeros(len(rows))
         slope[divided], goes_on = surface_slopes(depth_m, rows[divided], columns[divided], axis)
         pitch[divided[~goes_on]] = 1.0
