@@ -7,11 +7,13 @@ millimetres of the surface. And what was touched is known from the touch.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float, Int32
+from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
+from scipy.ndimage import uniform_filter
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
@@ -21,8 +23,11 @@ from hgs_core.robot.robot import RobotConfig, RobotState
 _LOGIT_SOLID: Final = float(np.log(0.2 / 0.8))
 """Gaussians below an opacity of 0.2 are on their way out."""
 
-MIN_GAUSSIANS: Final = 3
-"""So many solid Gaussians in a cell are a surface, fewer may be an error."""
+_MIN_GAUSSIANS: Final = 3
+"""So many solid Gaussians are a surface, fewer may be an error: in one cell, or, where cells are smaller than
+this ..."""
+_AROUND_M: Final = 0.1
+"""... in a square at least so wide [m]."""
 
 TOUCH_DEPTH_M: Final = 0.03
 """How far inside what was touched the mark is put."""
@@ -52,6 +57,15 @@ def low_surface_counts(
         counts,
     )
     return counts
+
+
+def are_surfaces(counts: Int32[ndarray, "nx ny"], size_m: float) -> Bool[ndarray, "nx ny"]:
+    """Cells of `size_m` that hold solid Gaussians, enough of them with their surroundings to be a surface."""
+    beside = max(0, math.ceil((_AROUND_M / size_m - 1.0) / 2.0 - 1e-6))
+    width = 2 * beside + 1
+    around = uniform_filter(counts.astype(np.float64), size=width, mode="constant") * width**2
+    surfaces: Bool[ndarray, "nx ny"] = (counts > 0) & (np.round(around) >= _MIN_GAUSSIANS)
+    return surfaces
 
 
 class TouchMemory:

@@ -38,7 +38,7 @@ from scipy.ndimage import uniform_filter
 from hgs_core.config.base import StrictConfig
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
-from hgs_core.planning.low_obstacles import MIN_GAUSSIANS, low_surface_counts
+from hgs_core.planning.low_obstacles import are_surfaces, low_surface_counts
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
@@ -231,12 +231,12 @@ def build_navigation_grid(
         low_gaussians = low_surface_counts(
             gaussians,
             robot,
-            below_m=config.clearance_below_m,
+            below_m=lower[2] + low_k * size if len(column) else config.clearance_below_m,
             lower_m=lower_xy,
             size_m=size,
             shape=(nx - low_i, ny - low_j),
         )
-        occupied |= low_gaussians >= MIN_GAUSSIANS
+        occupied |= are_surfaces(low_gaussians, size)
     if touched_m is not None:
         occupied |= _cells_with(touched_m, lower_xy, size, occupied.shape)
     if forbidden is not None:

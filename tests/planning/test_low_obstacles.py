@@ -1,6 +1,7 @@
 """What stands below the scanner's plane: seen in the Gaussian map, or felt."""
 
 import numpy as np
+import pytest
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
@@ -23,9 +24,9 @@ def gaussians_at(centres: list[list[float]], *, logit_opacity: float = 3.0) -> G
     return gaussians
 
 
-def free_floor() -> VoxelMap:
+def free_floor(size_m: float = 0.1) -> VoxelMap:
     region = Box(lower_m=np.array([0.0, 0.0, -0.2]), upper_m=np.array([3.0, 3.0, 1.6]))
-    voxels = VoxelMap(VoxelConfig(), region=region)
+    voxels = VoxelMap(VoxelConfig(size_m=size_m), region=region)
     voxels.states[:] = VoxelState.FREE
     return voxels
 
@@ -69,12 +70,29 @@ def test_a_sill_blocks_the_floor_on_which_the_voxels_see_nothing() -> None:
     assert not grid.passable[18, 15]
 
 
-def test_two_gaussians_are_not_a_surface() -> None:
+@pytest.mark.parametrize("size_m", [0.1, 0.06, 0.05])
+def test_two_gaussians_are_not_a_surface(size_m: float) -> None:
     stray = gaussians_at([[2.05, 1.55, 0.08], [2.06, 1.56, 0.08]])
     grid = build_navigation_grid(
-        free_floor(), NavigationConfig(), ROBOT, robot_xy_m=np.array([1.0, 1.5]), gaussians=stray
+        free_floor(size_m), NavigationConfig(), ROBOT, robot_xy_m=np.array([1.0, 1.5]), gaussians=stray
     )
     assert not grid.blocked.any()
+
+
+@pytest.mark.parametrize("height_m", [0.08, 0.11])
+@pytest.mark.parametrize("size_m", [0.06, 0.05])
+def test_cells_of_fewer_gaussians_than_a_surface_has_are_judged_with_their_neighbours(
+    size_m: float, height_m: float
+) -> None:
+    """4 cm apart, as on plain surfaces: one or two in a cell. And no height lies between them and voxels."""
+    sill = gaussians_at([[2.05, y, height_m] for y in np.arange(0.0, 3.0, 0.04)])
+    voxels = free_floor(size_m)
+    grid = build_navigation_grid(
+        voxels, NavigationConfig(), ROBOT, robot_xy_m=np.array([1.0, 1.5]), gaussians=sill
+    )
+    seen_by_voxels = height_m > 0.1 and size_m == 0.05  # whose column begins at 10 cm
+    assert grid.blocked[int(2.05 / size_m), 2:-2].all() == (not seen_by_voxels)
+    assert not grid.blocked[: int(1.9 / size_m)].any()
 
 
 def test_a_touch_blocks_what_lies_ahead_once() -> None:
