@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int32
 from numpy import ndarray
+from scipy.spatial import cKDTree
 
 from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationGrid
@@ -18,6 +19,10 @@ from hgs_core.planning.navigation_grid import NavigationGrid
 ENTRY_RADII_M = (0.3, 0.8, 1.6)
 """How far from the robot a cell may lie through which it enters the grid: the nearest ring that offers
 one."""
+POCKET_M2: Final = 2.0
+"""Reaching no more than this, the robot may be in a pocket, and looks for lines out of it ..."""
+BRIDGE_M: Final = 0.3
+"""... between cells so near to each other [m]."""
 _AROUND: Final = np.array([(i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0) if i or j])
 SHORTCUT_COST_FACTOR = 1.03
 """A straight line may cost this much more than what it replaces: fewer turns are worth a little."""
@@ -118,13 +123,59 @@ def reach_from_cells(
 ) -> ReachField:
     """The same through given passable cells, which it takes so much to come to [m]."""
     here = float(grid.path_clearance_m(robot_xy_m[None])[0])
-    distance, parent = kernels.grid_dijkstra(grid.cost, seeds.astype(np.int32), costs / grid.size_m)
+    distance, parent = _beyond_the_pocket(grid, seeds.astype(np.int32), costs / grid.size_m)
     return ReachField(
         origin_m=robot_xy_m,
         distance_m=distance * grid.size_m,
         parent=parent,
         escaping=here < grid.radius_m - 1e-6,
     )
+
+
+def _beyond_the_pocket(
+    grid: NavigationGrid, seeds: Int32[ndarray, " n"], costs: Float[ndarray, " n"]
+) -> tuple[Float[ndarray, "nx ny"], Int32[ndarray, "nx ny"]]:
+    """Dijkstra's distances [cells] and parents; out of a pocket also by straight lines between its cells and
+    others near by that keep the radius clear.
+
+    Steps from cell to cell need passable cells on both sides of a diagonal: between two corners one may be
+    missing where a straight line just fits. The robot that came by such a line must get back.
+    """
+    distance, parent = kernels.grid_dijkstra(grid.cost, seeds, costs)
+    came_from: dict[int, int] = {}
+    while True:
+        bridges = _bridges(grid, np.isfinite(distance))
+        if not len(bridges):
+            break
+        starts, ends = bridges.T
+        _, cost_m = grid.check_segments(grid.centres_m(starts), grid.centres_m(ends))
+        arrival = distance.ravel()[starts] + cost_m / grid.size_m
+        order = np.lexsort((starts, arrival, ends))
+        first = order[np.diff(ends[order], prepend=-1) != 0]  # the cheapest to each end
+        came_from |= dict(zip(ends[first].tolist(), starts[first].tolist(), strict=True))
+        seeds, costs = np.append(seeds, ends[first].astype(np.int32)), np.append(costs, arrival[first])
+        distance, parent = kernels.grid_dijkstra(grid.cost, seeds, costs)
+    flat = parent.ravel()
+    for cell, before in came_from.items():
+        if flat[cell] == cell:
+            flat[cell] = before
+    return distance, flat.reshape(parent.shape)
+
+
+def _bridges(grid: NavigationGrid, reached: Bool[ndarray, "nx ny"]) -> Int[ndarray, "n 2"]:
+    """Pairs of flat cells, reached and not, that a short line joins; none where more than a pocket is
+    reached."""
+    none = np.zeros((0, 2), np.int64)
+    outside = np.flatnonzero(grid.passable & ~reached)
+    inside = np.flatnonzero(reached)
+    if not len(inside) or not len(outside) or len(inside) * grid.size_m**2 > POCKET_M2:
+        return none
+    near = cKDTree(grid.centres_m(inside)).query_ball_point(grid.centres_m(outside), BRIDGE_M)
+    counts = np.array([len(rows) for rows in near])
+    starts = inside[np.concatenate([none[:, 0], *near]).astype(np.int64)]
+    ends = np.repeat(outside, counts)
+    clear, _ = grid.check_segments(grid.centres_m(starts), grid.centres_m(ends))
+    return np.stack([starts, ends], axis=1)[clear >= grid.radius_m - 1e-6]
 
 
 def entries_near(

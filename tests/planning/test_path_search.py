@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import label
 
+from hgs_core.geometry.boxes import Box
 from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import (
     ENTRY_RADII_M,
@@ -12,7 +14,7 @@ from hgs_core.planning.path_search import (
     reach_from,
     shortest_path,
 )
-from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
+from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
 from tests.planning.floors import grid_of, room
 
 
@@ -154,3 +156,27 @@ def test_the_way_out_of_a_tight_place_does_not_make_the_rest_of_the_path_tight()
         assert clearance[0] >= tight - 1e-6
         assert np.all(clearance[1:] >= grid.radius_m - 1e-6)
         assert np.hypot(*(path[1] - robot)) <= max(ENTRY_RADII_M) + grid.size_m
+
+
+def test_a_line_that_just_fits_between_two_corners_leads_out_of_a_pocket() -> None:
+    """A desk's corner and a sill's, as a mission met them: cells of 6 cm leave one diagonal step between."""
+    blocked = np.zeros((45, 19), bool)
+    blocked[:3] = blocked[:, 15:] = True
+    blocked[3:16, :5] = True
+    blocked[15:, 14] = True
+    blocked[20:, 13] = True
+    blocked[:, :1] = blocked[-1:] = True
+    region = Box(lower_m=np.zeros(3), upper_m=np.array([45 * 0.06, 19 * 0.06, 1.5]))
+    voxels = VoxelMap(VoxelConfig(size_m=0.06), region=region)
+    voxels.states[:] = np.where(blocked[..., None], VoxelState.OCCUPIED, VoxelState.FREE)
+    voxels.note_change()
+    here = (9.5 * 0.06, 9.5 * 0.06)
+    grid = grid_of(voxels, at=here)
+    assert label(grid.passable)[1] > 1, "this test wants passable cells in pieces"
+    reach = reach_from(grid, np.array(here))
+    assert reach.reachable.sum() == grid.passable.sum()
+    goal = int(np.flatnonzero(grid.passable)[-1])
+    path = path_from_robot(grid, reach, goal)
+    np.testing.assert_allclose(path[-1], grid.centres_m(np.array([goal]))[0])
+    assert grid.path_clearance_m(path).min() >= grid.radius_m - 1e-6
+    assert reach.lengths_m(grid)[goal] >= np.linalg.norm(path[-1] - path[0]) - 1e-9
