@@ -50,6 +50,7 @@ class GsplatBackend:
         T_world_camera: SE3,
         *,
         far_m: float = np.inf,
+        surface_m: Float32[ndarray, "height width"] | None = None,
     ) -> RenderedView:
         with self._torch.no_grad():
             sums = self._splat(self._parameters(gaussians), intrinsics, T_world_camera, far_m)

@@ -46,21 +46,23 @@ def parameter_priors(prior_information: float) -> list[float]:
 
 
 def accumulate_information(
-    gaussians: GaussianMap, intrinsics: CameraIntrinsics, T_world_camera: SE3, *, far_m: float = np.inf
+    gaussians: GaussianMap,
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    *,
+    far_m: float = np.inf,
+    surface_m: Float32[ndarray, "height width"] | None = None,
+    pixel_weight: float = 1.0,
 ) -> None:
-    """Add the information of one view to `gaussians.information` (H_train of Eq. 9).
-
-    Gaussians at a depth of `far_m` and beyond gain nothing: they are not learnt from that view either.
-    """
-    size = gaussians.size
-    kernels.add_information(
-        gaussians.parameters[:size],
-        gaussians.normals[:size],
-        gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera, far_m=far_m),
-        intrinsics.width,
-        intrinsics.height,
-        gaussians.information[:size],
+    """Add the information of one view to `gaussians.information` (H_train of Eq. 9): `add_information`."""
+    add_information(
+        gaussians,
+        intrinsics,
+        T_world_camera,
+        gaussians.information[: gaussians.size],
+        far_m=far_m,
+        surface_m=surface_m,
+        pixel_weight=pixel_weight,
     )
     gaussians.version += 1
 
@@ -70,16 +72,37 @@ def view_information(
 ) -> Float32[ndarray, "size 8"]:
     """The information that a view would hold about each parameter; changes nothing."""
     information = np.zeros((gaussians.size, 8), np.float32)
+    add_information(gaussians, intrinsics, T_world_camera, information)
+    return information
+
+
+def add_information(
+    gaussians: GaussianMap,
+    intrinsics: CameraIntrinsics,
+    T_world_camera: SE3,
+    information: Float32[ndarray, "size 8"],
+    *,
+    far_m: float = np.inf,
+    surface_m: Float32[ndarray, "height width"] | None = None,
+    pixel_weight: float = 1.0,
+) -> None:
+    """Add what a view tells of each parameter to `information`.
+
+    `pixel_weight`: how many pixels of the camera each of `intrinsics` stands for: drawn at half the size,
+    where each stands for four, a view tells as much. Gaussians at a depth of `far_m` and beyond, and those
+    that `surface_m` hides (as in `render`), gain nothing: they are not learnt from that view either.
+    """
     kernels.add_information(
         gaussians.parameters[: gaussians.size],
         gaussians.normals[: gaussians.size],
         gaussians.block_bounds,
-        camera_numbers(intrinsics, T_world_camera),
+        camera_numbers(intrinsics, T_world_camera, far_m=far_m),
+        surface_m,
         intrinsics.width,
         intrinsics.height,
+        pixel_weight,
         information,
     )
-    return information
 
 
 def quality_image(

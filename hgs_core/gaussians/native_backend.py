@@ -26,8 +26,8 @@ class NativeBackend:
         T_world_camera: SE3,
         *,
         far_m: float = np.inf,
+        surface_m: Float32[ndarray, "height width"] | None = None,
     ) -> RenderedView:
-        """Gaussians at a z-depth of `far_m` and beyond are not drawn."""
         shape = (intrinsics.height, intrinsics.width)
         view = RenderedView(
             colour_sum=np.empty((*shape, 3), np.float32),
@@ -39,6 +39,7 @@ class NativeBackend:
             gaussians.normals[: gaussians.size],
             gaussians.block_bounds,
             camera_numbers(intrinsics, T_world_camera, far_m=far_m),
+            surface_m,
             view.colour_sum,
             view.depth_sum,
             view.silhouette,

@@ -95,9 +95,10 @@ def optimise_step(
     Per pixel with `0 < depth < inf`, averaged over these pixels, and the first two only where A > 0.05:
     `colour |C/A - rgb| + depth |D/A - depth| + silhouette (1 - A)^2`; where depth is +inf, nothing being
     nearer than `range_m`, `free A^2`, divided by the same number. Gaussians beyond `range_m`, or more than
-    0.3 m farther than the farthest depth, are left out: other rooms lie in the frustum, but not in the
-    picture. Steps are counted per Gaussian. Radii are kept within `radius_limits_m` [m]; `block_bounds` grow
-    where a Gaussian leaves them. Raises `MapError` when the images do not fit the camera.
+    0.3 m farther than all depths of the tiles (16 x 16 pixels) that they touch, are left out: other rooms lie
+    in the frustum, but not in the picture. Steps are counted per Gaussian. Radii are kept within
+    `radius_limits_m` [m]; `block_bounds` grow where a Gaussian leaves them. Raises `MapError` when the images
+    do not fit the camera.
     """
     total, colour_l1, depth_l1_m, pixels, covered = kernels.optimise_view(
         *_arguments(

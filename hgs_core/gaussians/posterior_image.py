@@ -20,11 +20,9 @@ import numpy as np
 from jaxtyping import Float32
 from numpy import ndarray
 
-import hgs_core.native.kernels as kernels
 from hgs_core.errors import MapError
 from hgs_core.gaussians.gaussian_map import RGB, GaussianMap
-from hgs_core.gaussians.information import UNCERTAIN_COLOUR
-from hgs_core.gaussians.native_backend import camera_numbers
+from hgs_core.gaussians.information import UNCERTAIN_COLOUR, add_information
 from hgs_core.gaussians.render import render
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.geometry.se3 import SE3
@@ -36,23 +34,24 @@ PRIOR_INFORMATION: Final = (_COLOUR_NOISE / UNCERTAIN_COLOUR) ** 2
 
 
 def train_information(
-    gaussians: GaussianMap, intrinsics: CameraIntrinsics, poses: SE3, *, far_m: float
+    gaussians: GaussianMap,
+    intrinsics: CameraIntrinsics,
+    poses: SE3,
+    *,
+    far_m: float,
+    most_frames: int = 200,
 ) -> Float32[ndarray, "size 8"]:
     """H_train of a finished map: the information of all frames (`poses` batched) about its parameters.
 
-    It takes no image. Gaussians at a depth of `far_m` and beyond are not learnt from a frame.
+    It takes no image. Gaussians at a depth of `far_m` and beyond are not learnt from a frame. Of more frames
+    than `most_frames` as many are drawn, evenly spread, and count for the others.
     """
     information = np.zeros((gaussians.size, 8), np.float32)
-    for rotation, translation in zip(poses.rotation, poses.translation, strict=True):
-        pose = SE3(rotation=rotation, translation=translation)
-        kernels.add_information(
-            gaussians.parameters[: gaussians.size],
-            gaussians.normals[: gaussians.size],
-            gaussians.block_bounds,
-            camera_numbers(intrinsics, pose, far_m=far_m),
-            intrinsics.width,
-            intrinsics.height,
-            information,
+    n_poses = len(poses.translation)
+    drawn = np.unique(np.linspace(0, n_poses - 1, min(n_poses, most_frames)).round().astype(int))
+    for index in drawn:
+        add_information(
+            gaussians, intrinsics, poses[index], information, far_m=far_m, pixel_weight=n_poses / len(drawn)
         )
     return information
 

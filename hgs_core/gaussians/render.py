@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from jaxtyping import Float32
+from numpy import ndarray
+
 from hgs_core.errors import ConfigError
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.gaussians.native_backend import NativeBackend
@@ -20,13 +23,18 @@ def render(
     T_world_camera: SE3,
     *,
     far_m: float = math.inf,
+    surface_m: Float32[ndarray, "height width"] | None = None,
     backend: str = "native",
 ) -> RenderedView:
     """Draw the map, up to a depth of `far_m`, as the camera at `T_world_camera` would see it.
 
+    `surface_m`: the depth image that was measured from there, if any; see `RenderBackend`.
+
     Raises `ConfigError` for an unknown backend.
     """
-    return render_backend(backend).forward(gaussians, intrinsics, T_world_camera, far_m=far_m)
+    return render_backend(backend).forward(
+        gaussians, intrinsics, T_world_camera, far_m=far_m, surface_m=surface_m
+    )
 
 
 def render_backend(name: str) -> RenderBackend:

@@ -66,7 +66,8 @@ class RenderBackend(Protocol):
     fy; the camera says `low_pass_px2`) at the depth of its centre; a disc by EWA splatting with the same low
     pass, at the depth of its plane (`rasterise.hpp`). Alpha is at most 0.99 and dropped below 1/255, and
     centres are drawn if farther than 0.1 m and nearer than `far_m`; blending goes by the depth of the centres
-    and ends at a transmittance of 1e-4.
+    and ends at a transmittance of 1e-4. What lies more than 0.3 m behind `surface_m`, a depth image of the
+    same view (0: not measured, +inf: nothing there), may be left out for speed.
     """
 
     def forward(
@@ -76,6 +77,7 @@ class RenderBackend(Protocol):
         T_world_camera: SE3,
         *,
         far_m: float = np.inf,
+        surface_m: Float32[ndarray, "height width"] | None = None,
     ) -> RenderedView: ...
 
     def backward(

@@ -39,6 +39,7 @@ class TorchBackend:
         T_world_camera: SE3,
         *,
         far_m: float = np.inf,
+        surface_m: Float32[ndarray, "height width"] | None = None,
     ) -> RenderedView:
         with torch.no_grad():
             sums = splat(*self._rows(gaussians), intrinsics, T_world_camera, far_m=far_m)

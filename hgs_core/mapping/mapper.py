@@ -24,7 +24,7 @@ from hgs_core.mapping.density import SurfaceDensity
 from hgs_core.mapping.depth_filter import training_image
 from hgs_core.mapping.insertion import missing_pixels, new_gaussians, wanted_spacing
 from hgs_core.mapping.keyframe_archive import KeyframeArchive
-from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage
+from hgs_core.mapping.keyframes import KeyframeStore, TrainingImage, halved_camera
 from hgs_core.mapping.pose_correction import CorrectionReport, motions_of, rebuilt_voxels
 from hgs_core.mapping.redundancy import foretold_psnr, is_near, moved_and_turned, predicted_psnr
 from hgs_core.mapping.replay import Replay
@@ -36,6 +36,8 @@ from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap
 
 _RETIRED_LOGIT = -20.0
 _COMPACT_SHARE = 0.02
+_PIXELS_HALVED = 4.0
+"""Of the camera, that one of the halved image stands for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,7 +222,9 @@ class Mapper:
         far_m = self._camera_range_m + kernels.BEHIND_M
         for k in range(len(seen_from.translation)):
             pose = seen_from[k]
-            accumulate_information(gaussians, camera, pose, far_m=far_m)
+            accumulate_information(
+                gaussians, halved_camera(camera), pose, far_m=far_m, pixel_weight=_PIXELS_HALVED
+            )
         self.gaussians, self.voxels = gaussians, voxels
         last_s = float(np.max(keyframes.timestamps_s))
         for index in range(len(keyframes)):
@@ -268,11 +272,19 @@ class Mapper:
         retired = self._fuse_depth(image, spacing_m)
         # What lies behind the farthest surface in view is hidden, and the larger the map, the more of it.
         far_m = image.farthest_m + kernels.BEHIND_M
-        rendered = render(self.gaussians, image.intrinsics, image.T_world_camera, far_m=far_m)
+        pose, surface_m = image.T_world_camera, image.depth_m
+        rendered = render(self.gaussians, image.intrinsics, pose, far_m=far_m, surface_m=surface_m)
         psnr = predicted_psnr(image, rendered)
         is_keyframe = self._is_keyframe(frame.T_world_camera)
         inserted = self._insert(image, rendered, spacing_m, anchor=len(self.keyframes) - (not is_keyframe))
-        accumulate_information(self.gaussians, frame.intrinsics, frame.T_world_camera, far_m=far_m)
+        accumulate_information(
+            self.gaussians,
+            image.intrinsics,
+            pose,
+            far_m=far_m,
+            surface_m=surface_m,
+            pixel_weight=_PIXELS_HALVED,
+        )
         if is_keyframe:
             self.keyframes.add(image, frame)
         self._n_frames += 1

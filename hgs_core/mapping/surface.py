@@ -9,20 +9,13 @@ from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 
 from hgs_core.geometry.camera import CameraIntrinsics
+from hgs_core.native import kernels
 
 _BEND_M: Final = 0.05
 """Beyond the noise of smoothed depth."""
 
 _LONGEST: Final = 32.0
 """Steps end at so many times those of a surface that faces the camera."""
-
-_HALF_WINDOW: Final = 3
-"""Of the pixels that a normal is fitted to."""
-_FEWEST_ON_PLANE: Final = 12
-"""With fewer of these 49 on one plane, there is no normal."""
-_OFF_PLANE_M: Final = 0.03
-"""Pixels farther from the plane belong to something else."""
-_FITS: Final = 2
 
 
 def surface_steps(
@@ -61,29 +54,22 @@ def surface_normals(
     """Unit normals at these pixels in the camera's frame, towards it; without one, the way to the camera.
 
     `depth_m` must be smooth, and measured at the pixels. On a plane inverse depth is linear in the image; it
-    is fitted to those of the 7 x 7 pixels around that agree with it to `_OFF_PLANE_M`, at first with the
-    slopes of `surface_steps`, so that at the border of a surface they are that surface's own.
+    is fitted to those of the 7 x 7 pixels around that agree with it to 3 cm, at first with the slopes of
+    `surface_steps`, so that at the border of a surface they are that surface's own. With fewer than 12 of
+    them on one plane there is no normal.
     """
-    offsets = np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
-    down, across = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
-    basis = np.stack([np.ones(down.size), across, down], axis=1)
-    products = (basis[:, :, None] * basis[:, None, :]).reshape(down.size, 9)
-    z = depth_m[rows, columns].astype(np.float64)
-    around = _inverse_depth(depth_m, rows[:, None] + down, columns[:, None] + across)
-    known = np.isfinite(around)
-    around = np.where(known, around, 0.0)
-    plane = np.stack([1.0 / z, *_slopes(depth_m, rows, columns)], axis=1)
-    for _ in range(_FITS):
-        on_plane = known & (np.abs(around - plane @ basis.T) * z[:, None] ** 2 < _OFF_PLANE_M)
-        normal_matrix = (on_plane @ products).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
-        plane = np.linalg.solve(normal_matrix, ((on_plane * around) @ basis)[..., None])[..., 0]
-    # 1 / Z = a + b (u - u0) + c (v - v0) is n . p = 1 with u = fx X / Z + cx, v likewise.
-    ray = _rays(camera, rows, columns)
-    along_u, along_v = plane[:, 1] * camera.fx, plane[:, 2] * camera.fy
-    normals = np.stack([along_u, along_v, plane[:, 0] - along_u * ray[:, 0] - along_v * ray[:, 1]], axis=1)
-    found = (on_plane.sum(axis=1) >= _FEWEST_ON_PLANE) & (np.sum(normals * ray, axis=1) > 0.0)
-    towards = np.where(found[:, None], -normals, -ray)
-    return towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    normals = np.empty((len(rows), 3))
+    kernels.surface_normals(
+        depth_m,
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        np.ascontiguousarray(rows, np.int64),
+        np.ascontiguousarray(columns, np.int64),
+        normals,
+    )
+    return normals
 
 
 def surface_slopes(

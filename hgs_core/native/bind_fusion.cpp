@@ -8,6 +8,7 @@
 #include "centre_fusion.hpp"
 #include "depth_filter.hpp"
 #include "gaussian_upkeep.hpp"
+#include "surface_normals.hpp"
 
 namespace nb = nanobind;
 using nb::ndarray;
@@ -48,6 +49,23 @@ void bind_smooth_depth(nb::module_& m) {
         hgs::smooth_depth(depth.data(), width, height, radius, gate_m, smoothed.data());
       },
       nb::arg("depth"), nb::arg("radius"), nb::arg("gate_m"), nb::arg("smoothed").noconvert());
+}
+
+void bind_surface_normals(nb::module_& m) {
+  using Indices = ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+  m.def(
+      "surface_normals",
+      [](Depth depth, double fx, double fy, double cx, double cy, Indices rows, Indices columns,
+         ndarray<double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu> normals) {
+        const auto n = static_cast<std::int64_t>(rows.shape(0));
+        if (columns.shape(0) != rows.shape(0) || normals.shape(0) != rows.shape(0))
+          throw std::invalid_argument("a row, a column and a normal a pixel are needed");
+        const hgs::DepthView view{depth.data(), int(depth.shape(1)), int(depth.shape(0)), fx, fy, cx, cy};
+        nb::gil_scoped_release released;
+        hgs::surface_normals(view, rows.data(), columns.data(), n, normals.data());
+      },
+      nb::arg("depth"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("rows"), nb::arg("columns"),
+      nb::arg("normals").noconvert(), "Unit normals at pixels, in the camera's frame, towards it.");
 }
 
 void bind_fuse_centres(nb::module_& m) {
@@ -150,6 +168,7 @@ void bind_count_by_voxel(nb::module_& m) {
 void bind_fusion(nb::module_& m) {
   bind_halve_frame(m);
   bind_smooth_depth(m);
+  bind_surface_normals(m);
   bind_fuse_centres(m);
   bind_bound_blocks(m);
   bind_compact_rows(m);

@@ -1,8 +1,10 @@
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
 #include <array>
+#include <optional>
 #include <stdexcept>
 #include <tuple>
 
@@ -79,13 +81,21 @@ void require_same_image(const A& a, const B& b) {
   require(a.shape(0) == b.shape(0) && a.shape(1) == b.shape(1), "the images differ in height or width");
 }
 
-void render_sums(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera, Image3 colour,
-                 Image depth, Image silhouette) {
+// Null without one.
+const float* surface_of(const std::optional<ConstImage>& surface, std::size_t height, std::size_t width) {
+  if (!surface) return nullptr;
+  require(surface->shape(0) == height && surface->shape(1) == width, "surface and image differ in height or width");
+  return surface->data();
+}
+
+void render_sums(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera,
+                 std::optional<ConstImage> surface, Image3 colour, Image depth, Image silhouette) {
   require_same_image(colour, depth);
   require_same_image(colour, silhouette);
   const hgs::GaussianRows rows = rows_of(parameters, normals, bounds);
+  const float* in_front = surface_of(surface, depth.shape(0), depth.shape(1));
   const nb::gil_scoped_release release;
-  hgs::rasterise_kernels(rows).forward(rows, camera_of(camera, depth.shape(1), depth.shape(0)),
+  hgs::rasterise_kernels(rows).forward(rows, camera_of(camera, depth.shape(1), depth.shape(0)), in_front,
                                        {colour.data(), depth.data(), silhouette.data()});
 }
 
@@ -162,14 +172,15 @@ std::tuple<double, double, double, double, double> time_stages(
   return {times.prepare_s, times.forward_s, times.backward_s, times.step_s, times.evaluations};
 }
 
-void add_information(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera, int width,
-                     int height, Rows information) {
+void add_information(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera,
+                     std::optional<ConstImage> surface, int width, int height, float weight, Rows information) {
   const std::size_t n = parameters.shape(0);
   require(information.shape(0) == n, "information needs a row for every Gaussian");
   require(width > 0 && height > 0, "the image is empty");
   const hgs::GaussianRows rows = rows_of(parameters, normals, bounds);
+  const float* in_front = surface_of(surface, static_cast<std::size_t>(height), static_cast<std::size_t>(width));
   const nb::gil_scoped_release release;
-  hgs::rasterise_kernels(rows).information(rows, camera_of(camera, width, height), information.data());
+  hgs::rasterise_kernels(rows).information(rows, camera_of(camera, width, height), in_front, weight, information.data());
 }
 
 void quality_image(ConstRows parameters, ConstNormals normals, ConstBounds bounds, CameraNumbers camera,
@@ -196,8 +207,8 @@ void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float h
 void bind_rasterise(nb::module_& m) {
   hgs::variant_kernels();  // a wrong HGS_KERNEL_VARIANT fails the import, not the first picture
   m.def("variant", [] { return hgs::variant_kernels().name; }, "Instruction-set variant of the kernels.");
-  m.def("render_sums", &render_sums, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "colour"_a, "depth"_a,
-        "silhouette"_a);
+  m.def("render_sums", &render_sums, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "surface"_a.none(),
+        "colour"_a, "depth"_a, "silhouette"_a);
   m.def("render_gradient", &render_gradient, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "d_colour"_a,
         "d_depth"_a, "d_silhouette"_a, "gradient"_a, "normal_gradient"_a);
   m.def("optimise_view", &optimise_view, "parameters"_a, "first_moment"_a, "second_moment"_a, "normals"_a,
@@ -215,8 +226,8 @@ void bind_rasterise(nb::module_& m) {
         return hgs::variant_kernels().multiply_add(rounds);
       },
       "rounds"_a, "Multiply-adds on registers, on every thread; returns the number of operations.");
-  m.def("add_information", &add_information, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "width"_a,
-        "height"_a, "information"_a);
+  m.def("add_information", &add_information, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a,
+        "surface"_a.none(), "width"_a, "height"_a, "weight"_a, "information"_a);
   m.def("quality_image", &quality_image, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "information"_a,
         "prior"_a, "image"_a);
   m.def("count_in_layer", &count_in_layer, "parameters"_a, "block_bounds"_a, "low"_a, "high"_a,

@@ -116,15 +116,17 @@ inline constexpr double BACKWARD_OPERATIONS = 33.0;  // a, w, T, S, qw: 5; q: 4 
 
 // Of one kind of Gaussians.
 struct RasteriseKernels {
-  void (*forward)(const GaussianRows&, const PinholeCamera&, const ImageSums&);
+  // `surface`: a depth image of the same camera, or null; what it hides (see TileLimits) is left out.
+  void (*forward)(const GaussianRows&, const PinholeCamera&, const float* surface, const ImageSums&);
   // Adds to `gradient` (n, 8), and to `normal_gradient` (n, 3) of discs.
   void (*backward)(const GaussianRows&, const PinholeCamera&, const ImageGradients&, float* gradient,
                    float* normal_gradient);
   // The same work as `optimise` in separate, timed passes.
   StageTimes (*stages)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
   LossSums (*optimise)(const GaussianRows&, const PinholeCamera&, const Target&, const AdamState&);
-  // Adds to `information` (n, 8).
-  void (*information)(const GaussianRows&, const PinholeCamera&, float* information);
+  // Adds to `information` (n, 8), `weight` times what each pixel holds.
+  void (*information)(const GaussianRows&, const PinholeCamera&, const float* surface, float weight,
+                      float* information);
   void (*quality_image)(const GaussianRows&, const PinholeCamera&, const float* information, const float* prior,
                         float* image);
 };

@@ -47,7 +47,37 @@ HGS_INLINE void for_each_splat(const Workspace& workspace, BeginBlock&& begin_bl
 
 struct Nothing {};
 
-// Calls visit(row, gradient, state of its block) for every splat; those of discs are worked out LANES at a time.
+template <class Shape>
+HGS_INLINE bool all_zero(const PairSums<Shape>& sums) {
+  for (const VFloat8& part : sums.parts) {
+    if (!all_zero8(part)) return false;
+  }
+  return true;
+}
+
+// Calls add(splat, sums, state of its block) for the discs that any pixel shows, and finish(state) for every LANES of
+// them and at the end of a block.
+template <class BeginBlock, class Finish, class EndBlock>
+HGS_INLINE void for_each_disc_batch(const GaussianRows& gaussians, const Workspace& workspace,
+                                    BeginBlock&& begin_block, Finish&& finish, EndBlock&& end_block) {
+  struct State {
+    decltype(begin_block(std::size_t{})) of_block;
+    DiscBatch batch;
+  };
+  for_each_splat<Disc>(
+      workspace, [&](std::size_t block) HGS_LAMBDA { return State{begin_block(block), {}}; },
+      [&](const DiscSplat& splat, const PairSums<Disc>& sums, State& state) HGS_LAMBDA {
+        if (all_zero(sums)) return;
+        state.batch.add(splat, gaussians, sums);
+        if (state.batch.full()) finish(state.batch, state.of_block);
+      },
+      [&](std::size_t block, State& state) HGS_LAMBDA {
+        if (!state.batch.empty()) finish(state.batch, state.of_block);
+        end_block(block, state.of_block);
+      });
+}
+
+// Calls visit(row, gradient, state of its block) for every splat that any pixel shows.
 template <class Shape, class BeginBlock, class Visit, class EndBlock>
 HGS_INLINE void for_each_gradient(const GaussianRows& gaussians, const Workspace& workspace,
                                   const PinholeCamera& camera, BeginBlock&& begin_block, Visit&& visit,
@@ -57,29 +87,18 @@ HGS_INLINE void for_each_gradient(const GaussianRows& gaussians, const Workspace
     for_each_splat<Isotropic>(
         workspace, begin_block,
         [&](const RoundSplat& splat, const PairSums<Isotropic>& sums, auto& state) HGS_LAMBDA {
-          visit(splat.row, RoundSlopes(splat, view).gradient(sums), state);
+          if (!all_zero(sums)) visit(splat.row, RoundSlopes(splat, view).gradient(sums), state);
         },
         end_block);
   } else {
-    struct State {
-      decltype(begin_block(std::size_t{})) of_block;
-      DiscBatch batch;
-    };
-    const auto finish = [&](State& state) HGS_LAMBDA {
-      state.batch.finish(camera, [&](std::uint32_t row, const RowGradient<Disc>& gradient) HGS_LAMBDA {
-        visit(row, gradient, state.of_block);
-      });
-    };
-    for_each_splat<Disc>(
-        workspace, [&](std::size_t block) HGS_LAMBDA { return State{begin_block(block), {}}; },
-        [&](const DiscSplat& splat, const PairSums<Disc>& sums, State& state) HGS_LAMBDA {
-          state.batch.add(splat, gaussians, sums);
-          if (state.batch.full()) finish(state);
+    for_each_disc_batch(
+        gaussians, workspace, begin_block,
+        [&](DiscBatch& batch, auto& state) HGS_LAMBDA {
+          batch.finish_gradients(camera, [&](std::uint32_t row, const RowGradient<Disc>& gradient) HGS_LAMBDA {
+            visit(row, gradient, state);
+          });
         },
-        [&](std::size_t block, State& state) HGS_LAMBDA {
-          if (!state.batch.empty()) finish(state);
-          end_block(block, state.of_block);
-        });
+        end_block);
   }
 }
 
@@ -99,27 +118,27 @@ static void add_gradients(const GaussianRows& gaussians, const Workspace& worksp
       [](std::size_t, Nothing&) {});
 }
 
-static void add_information_of(const RoundSplat& splat, const PairSums<Isotropic>& sums, const GaussianRows&,
-                               const View& view, float* H) {
-  RoundSlopes(splat, view).add_information(sums, H);
-}
-
-static void add_information_of(const DiscSplat& splat, const PairSums<Disc>& sums, const GaussianRows& rows,
-                               const View& view, float* H) {
-  const SeenDisc<float> seen = seen_disc(splat, rows);
-  DiscSlopes<float>(seen, view.camera, widest_tangents(view.camera)).add_information(sums, H);
-}
-
+// `weight` of a pixel: what it stands for.
 template <class Shape>
 static void add_information(const GaussianRows& gaussians, const Workspace& workspace, const PinholeCamera& camera,
-                            float* information) {
-  const View view(camera);
-  for_each_splat<Shape>(
-      workspace, [](std::size_t) { return Nothing{}; },
-      [&](const typename Shape::Splat& splat, const PairSums<Shape>& sums, Nothing&) HGS_LAMBDA {
-        add_information_of(splat, sums, gaussians, view, information + N_PARAMETERS * std::size_t{splat.row});
-      },
-      [](std::size_t, Nothing&) {});
+                            float weight, float* information) {
+  const auto nothing = [](std::size_t) { return Nothing{}; };
+  const auto no_end = [](std::size_t, Nothing&) {};
+  if constexpr (std::is_same_v<Shape, Isotropic>) {
+    const View view(camera);
+    for_each_splat<Isotropic>(
+        workspace, nothing,
+        [&](const RoundSplat& splat, const PairSums<Isotropic>& sums, Nothing&) HGS_LAMBDA {
+          if (all_zero(sums)) return;
+          float* H = information + N_PARAMETERS * std::size_t{splat.row};
+          RoundSlopes(splat, view).add_information({{weight * sums.parts[0]}}, H);
+        },
+        no_end);
+  } else {
+    for_each_disc_batch(
+        gaussians, workspace, nothing,
+        [&](DiscBatch& batch, Nothing&) HGS_LAMBDA { batch.finish_information(camera, weight, information); }, no_end);
+  }
 }
 
 static void form_of(const RoundSplat& splat, const GaussianRows&, const View& view, const float* share, float* c) {

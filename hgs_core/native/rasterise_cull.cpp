@@ -10,7 +10,33 @@
 
 namespace hgs {
 
-void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace) {
+namespace {
+
+// Whether all of a box lies behind what the limits show. `reach`: of its splats, in pixels times their depth.
+bool is_hidden(const float centre[3], const float half[3], float nearest_m, const PinholeCamera& camera, float reach,
+               float margin_px, const TileLimits& limits) {
+  if (nearest_m < NEAR_M) return false;  // it surrounds the camera, or nearly
+  float left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY;
+  for (int corner = 0; corner < 8; ++corner) {
+    float p[3];
+    for (int i = 0; i < 3; ++i) {
+      p[i] = camera.translation[i];
+      for (int j = 0; j < 3; ++j) {
+        p[i] += camera.rotation[3 * i + j] * (centre[j] + ((corner >> j & 1) != 0 ? half[j] : -half[j]));
+      }
+    }
+    const float u = camera.fx * p[0] / p[2] + camera.cx, v = camera.fy * p[1] / p[2] + camera.cy;
+    left = std::fmin(left, u), right = std::fmax(right, u);
+    top = std::fmin(top, v), bottom = std::fmax(bottom, v);
+  }
+  const float around_px = margin_px + reach / nearest_m;
+  return limits.hide(left - around_px, top - around_px, right + around_px, bottom + around_px, nearest_m);
+}
+
+}  // namespace
+
+void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, const TileLimits* limits,
+                 Workspace& workspace) {
   const Tangents widest = widest_tangents(camera);
   const float stretch = gaussians.normals == nullptr
                             ? 1.0f
@@ -65,6 +91,9 @@ void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Wor
         extent += std::fabs(normals[k][j]) * half[j];
       }
       inside = distance + extent + reach + 1e-3f >= 0.0f;
+    }
+    if (inside && limits != nullptr) {
+      inside = !is_hidden(centre, half, depth - depth_extent - 1e-4f, camera, reach, margin_px, *limits);
     }
     if (inside) visible[n_visible++] = static_cast<std::uint32_t>(block);
   }

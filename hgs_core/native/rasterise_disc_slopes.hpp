@@ -144,25 +144,26 @@ class DiscSlopes {
             half_form(by_z_) - (qx * scale_x_ * x_ + qy * scale_y_ * y_), 2.0f * half_form(own_variance())};
   }
 
-  // Adds the information that the sums of a Fisher sweep hold.
-  HGS_INLINE void add_information(const PairSums<Disc>& sums, float* H) const {
+  // The information that the sums of a Fisher sweep hold, by the parameters.
+  HGS_INLINE void information(const V* sums, V* H) const {
     namespace s = disc_fisher;
-    const auto expected = [&](const float* a) HGS_LAMBDA {
-      float form[s::MOMENTS] = {};
-      add_square(a, 1.0f, form);
-      float value = 0.0f;
+    const V nought{};
+    const auto expected = [&](const V* a) HGS_LAMBDA {
+      V form[s::MOMENTS] = {};
+      add_square(a, nought + 1.0f, form);
+      V value{};
       for (int k = 0; k < s::MOMENTS; ++k) value += form[k] * sums[k];
-      return value > 0.0f ? value : 0.0f;  // rounding of a difference that is no less than 0
+      return value > 0.0f ? value : nought;  // rounding of a difference that is no less than 0
     };
-    float a[5];
+    V a[5];
     for (int j = 0; j < 3; ++j) {
       world(j, a);
-      H[j] += expected(a);
-      H[3 + j] += sums[s::W2];
+      H[j] = expected(a);
+      H[3 + j] = sums[s::W2];
     }
     log_radius(a);
-    H[6] += expected(a);
-    H[7] += (1.0f - seen_.opacity) * (1.0f - seen_.opacity) * sums[s::E];
+    H[6] = expected(a);
+    H[7] = (1.0f - seen_.opacity) * (1.0f - seen_.opacity) * sums[s::E];
   }
 
   // As RoundSlopes::form, over the moments of q.
@@ -195,7 +196,7 @@ class DiscSlopes {
   }
 
   // Coefficients of (q_x, q_y, q_x^2, q_x q_y, q_y^2) by the world coordinate `axis`.
-  HGS_INLINE void world(int axis, float out[5]) const {
+  HGS_INLINE void world(int axis, V out[5]) const {
     const float* R = camera_.rotation + axis;
     out[0] = scale_x_ * (R[0] - R[6] * x_);
     out[1] = scale_y_ * (R[3] - R[6] * y_);
@@ -204,16 +205,16 @@ class DiscSlopes {
     out[4] = 0.5f * (R[3] * by_y_.yy + R[6] * by_z_.yy);
   }
 
-  HGS_INLINE void log_radius(float out[5]) const {
+  HGS_INLINE void log_radius(V out[5]) const {
     const Symmetric<V> own = own_variance();
-    out[0] = out[1] = 0.0f;
+    out[0] = out[1] = V{};
     out[2] = own.xx;
     out[3] = 2.0f * own.xy;
     out[4] = own.yy;
   }
 
   // Adds share (a . (q_x, q_y, q_x^2, q_x q_y, q_y^2))^2 to the coefficients of the moments of q.
-  HGS_INLINE static void add_square(const float a[5], float share, float* c) {
+  HGS_INLINE static void add_square(const V a[5], V share, V* c) {
     namespace s = disc_fisher;
     c[s::E_XX] += share * a[0] * a[0];
     c[s::E_XY] += share * 2.0f * a[0] * a[1];
@@ -238,7 +239,7 @@ class DiscSlopes {
   V s_by_x_, s_by_y_, s_x_by_z_, s_y_by_z_;
 };
 
-// Up to LANES discs of a block on their way from sums to gradients.
+// Up to LANES discs of a block on their way from sums to what they say of parameters.
 class DiscBatch {
  public:
   HGS_INLINE void add(const DiscSplat& splat, const GaussianRows& rows, const PairSums<Disc>& sums) {
@@ -247,7 +248,7 @@ class DiscBatch {
                                   disc.down,    disc.slope_h,  disc.slope_y,  disc.opacity, disc.log_radius,
                                   disc.normal.x, disc.normal.y, disc.normal.z};
     for (int k = 0; k < N_KNOWN; ++k) known_[k][n_] = known[k];
-    for (int k = 0; k < N_SUMS; ++k) sums_[k][n_] = sums[k];
+    for (int k = 0; k < Disc::SUMS; ++k) sums_[k][n_] = sums[k];
     rows_[n_++] = splat.row;
   }
 
@@ -256,32 +257,59 @@ class DiscBatch {
 
   // Calls visit(row, gradient) for each, and forgets them.
   template <class Visit>
-  HGS_INLINE void finish(const PinholeCamera& camera, Visit&& visit) {
+  HGS_INLINE void finish_gradients(const PinholeCamera& camera, Visit&& visit) {
+    finish<N_PARAMETERS + N_NORMAL>(
+        camera,
+        [](const DiscSlopes<VFloat>& slopes, const VFloat* sums, VFloat* columns) HGS_LAMBDA {
+          const DiscGradient<VFloat> found = slopes.gradient(sums);
+          const VFloat all[] = {found.centre.x, found.centre.y, found.centre.z, sums[disc_sums::R],
+                                sums[disc_sums::G], sums[disc_sums::B], found.log_radius, found.logit_opacity,
+                                found.normal.x, found.normal.y, found.normal.z};
+          for (int k = 0; k < N_PARAMETERS + N_NORMAL; ++k) columns[k] = all[k];
+        },
+        [&](std::uint32_t row, const float (*g)[LANES], int i) HGS_LAMBDA {
+          visit(row, RowGradient<Disc>{{g[0][i], g[1][i], g[2][i], g[3][i], g[4][i], g[5][i], g[6][i], g[7][i]},
+                                       {g[8][i], g[9][i], g[10][i]}});
+        });
+  }
+
+  // Adds `weight` times what they tell to the rows of `information`, and forgets them.
+  HGS_INLINE void finish_information(const PinholeCamera& camera, float weight, float* information) {
+    finish<N_PARAMETERS>(
+        camera,
+        [](const DiscSlopes<VFloat>& slopes, const VFloat* sums, VFloat* columns) HGS_LAMBDA {
+          slopes.information(sums, columns);
+        },
+        [&](std::uint32_t row, const float (*H)[LANES], int i) HGS_LAMBDA {
+          float* out = information + N_PARAMETERS * std::size_t{row};
+          store8(out, load8(out) + weight * VFloat8{H[0][i], H[1][i], H[2][i], H[3][i], H[4][i], H[5][i], H[6][i], H[7][i]});
+        });
+  }
+
+ private:
+  static constexpr int N_KNOWN = 13;
+
+  // work(slopes, sums, columns) for all lanes at once, then give(row, columns, lane) for each.
+  template <int COLUMNS, class Work, class Give>
+  HGS_INLINE void finish(const PinholeCamera& camera, Work&& work, Give&& give) {
     for (int i = n_; i < LANES; ++i) {  // copies of one: no lane divides by nothing
       for (int k = 0; k < N_KNOWN; ++k) known_[k][i] = known_[k][0];
     }
     const auto of = [&](int k) HGS_LAMBDA { return load(known_[k]); };
     const SeenDisc<VFloat> seen{of(0), of(1), of(2), of(3), of(4), of(5), of(6), of(7), of(8), of(9),
                                 {of(10), of(11), of(12)}};
-    VFloat sums[N_SUMS];
-    for (int k = 0; k < N_SUMS; ++k) sums[k] = load(sums_[k]);
-    const DiscGradient<VFloat> found = DiscSlopes<VFloat>(seen, camera, widest_tangents(camera)).gradient(sums);
-    const VFloat columns[N_PARAMETERS + N_NORMAL] = {
-        found.centre.x, found.centre.y, found.centre.z, sums[disc_sums::R], sums[disc_sums::G], sums[disc_sums::B],
-        found.log_radius, found.logit_opacity, found.normal.x, found.normal.y, found.normal.z};
-    alignas(64) float g[N_PARAMETERS + N_NORMAL][LANES];
-    for (int k = 0; k < N_PARAMETERS + N_NORMAL; ++k) store(g[k], columns[k]);
-    for (int i = 0; i < n_; ++i) {
-      visit(rows_[i], RowGradient<Disc>{{g[0][i], g[1][i], g[2][i], g[3][i], g[4][i], g[5][i], g[6][i], g[7][i]},
-                                        {g[8][i], g[9][i], g[10][i]}});
-    }
+    VFloat sums[Disc::SUMS];
+    for (int k = 0; k < Disc::SUMS; ++k) sums[k] = load(sums_[k]);
+    VFloat found[COLUMNS];
+    work(DiscSlopes<VFloat>(seen, camera, widest_tangents(camera)), sums, found);
+    alignas(64) float columns[COLUMNS][LANES];
+    for (int k = 0; k < COLUMNS; ++k) store(columns[k], found[k]);
+    for (int i = 0; i < n_; ++i) give(rows_[i], columns, i);
     n_ = 0;
   }
 
- private:
-  static constexpr int N_KNOWN = 13, N_SUMS = 12;
   alignas(64) float known_[N_KNOWN][LANES];
-  alignas(64) float sums_[N_SUMS][LANES] = {};
+  alignas(64) float sums_[Disc::SUMS][LANES] = {};
   std::uint32_t rows_[LANES];
   int n_ = 0;
 };

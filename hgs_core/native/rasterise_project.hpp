@@ -32,9 +32,10 @@ HGS_INLINE LaneSpans tile_spans(VFloat u, VFloat v, const Look& look, int tiles_
     const VInt ty = spans.y + i;
     const VFloat top = to_float(ty) * TILE_H + 0.5f;
     const LaneChord chord = look.chord(top - v, v - (top + (TILE_H - 1.0f)));
-    const VInt from = first(u - chord.left, TILE_W, last_x) - spans.x;
-    const VInt to = last(u + chord.right, TILE_W, last_x) - spans.x;
-    const VInt there = (ty <= end_y) & (to >= from) & (from >= 0) & (to < SPAN);
+    // By rounding a chord may reach farther than the whole splat.
+    const VInt left = first(u - chord.left, TILE_W, last_x), right = last(u + chord.right, TILE_W, last_x);
+    const VInt from = (left > spans.x ? left : spans.x) - spans.x, to = (right < end_x ? right : end_x) - spans.x;
+    const VInt there = (ty <= end_y) & (to >= from) & (to < SPAN);
     const VInt one = VInt{} + 1;
     const VInt shift_from = there ? from : VInt{}, shift_to = there ? to : VInt{};
     const VInt bits = (one << (shift_to + 1)) - (one << shift_from);
@@ -66,10 +67,11 @@ HGS_INLINE void columns_of(const float* rows, int n_rows, float (*columns)[BLOCK
   }
 }
 
-// Projects the rows of a block from `first_row` on; returns how many splats may touch a pixel.
+// Projects the rows of a block from `first_row` on; returns how many splats may touch a pixel. `limits`, unless null:
+// splats beyond them are hidden.
 template <class Shape>
 static std::uint32_t project_block(const GaussianRows& gaussians, std::uint32_t first_row, int n_rows,
-                                   const PinholeCamera& camera, int tiles_x, int tiles_y,
+                                   const PinholeCamera& camera, int tiles_x, int tiles_y, const TileLimits* limits,
                                    typename Shape::Splat* splats, TileSpan* spans) {
   alignas(64) float columns[N_PARAMETERS][BLOCK + 16];  // + 16: columns not a power of two apart
   columns_of<N_PARAMETERS>(gaussians.parameters + N_PARAMETERS * std::size_t{first_row}, n_rows, columns);
@@ -104,13 +106,19 @@ static std::uint32_t project_block(const GaussianRows& gaussians, std::uint32_t 
     const LaneSpans tiles = tile_spans(u, v, look, tiles_x, tiles_y);
     for (int lane = 0; lane < LANES; ++lane) {
       if (kept[lane] == 0 || base + lane >= n_rows) continue;
+      int mask = tiles.mask[lane], count = tiles.count[lane];
+      if (limits != nullptr && mask != 0) {
+        mask = limits->in_sight(tiles.x[lane], tiles.y[lane], mask, zs[lane]);
+        if (mask == 0) continue;
+        count = __builtin_popcount(static_cast<unsigned>(mask));
+      }
       const int i = base + lane;
       spans[n_splats] = {0,
                          static_cast<std::uint32_t>(keys[lane]),
                          static_cast<std::uint16_t>(tiles.x[lane]),
                          static_cast<std::uint16_t>(tiles.y[lane]),
-                         static_cast<std::uint16_t>(tiles.mask[lane]),
-                         static_cast<std::uint16_t>(tiles.count[lane])};
+                         static_cast<std::uint16_t>(mask),
+                         static_cast<std::uint16_t>(count)};
       typename Shape::Splat& splat = splats[n_splats++];
       splat.u = us[lane];
       splat.v = vs[lane];
@@ -126,10 +134,11 @@ static std::uint32_t project_block(const GaussianRows& gaussians, std::uint32_t 
   return n_splats;
 }
 
-// Culls, projects, sorts, bins.
+// Culls, projects, sorts, bins. `limits`, unless null: of every tile, beyond which depth splats are hidden.
 template <class Shape>
-static void prepare(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace) {
-  cull_blocks(gaussians, camera, workspace);
+static void prepare(const GaussianRows& gaussians, const PinholeCamera& camera, const TileLimits* limits,
+                    Workspace& workspace) {
+  cull_blocks(gaussians, camera, limits, workspace);
   const std::size_t n_blocks = workspace.n_visible_blocks;
   const std::uint32_t* blocks = workspace.visible_blocks.get();
   typename Shape::Splat* splats = workspace.of<Shape>().splats.require(n_blocks * BLOCK);
@@ -146,10 +155,19 @@ static void prepare(const GaussianRows& gaussians, const PinholeCamera& camera, 
       const std::size_t left = gaussians.n - first;
       const int n_rows = left < BLOCK ? static_cast<int>(left) : BLOCK;
       counts[i] = project_block<Shape>(gaussians, static_cast<std::uint32_t>(first), n_rows, camera, workspace.tiles_x,
-                                       workspace.tiles_y, splats + i * BLOCK, spans + i * BLOCK);
+                                       workspace.tiles_y, limits, splats + i * BLOCK, spans + i * BLOCK);
     }
   }
   bin_splats<Shape>(workspace);
+}
+
+// The same, without what `surface`, a depth image, hides; null: nothing.
+template <class Shape>
+static void prepare_before(const GaussianRows& gaussians, const PinholeCamera& camera, const float* surface,
+                           Workspace& workspace) {
+  if (surface == nullptr) return prepare<Shape>(gaussians, camera, nullptr, workspace);
+  const TileLimits limits = tile_limits(surface, camera, workspace);
+  prepare<Shape>(gaussians, camera, &limits, workspace);
 }
 
 }  // namespace hgs::HGS_VARIANT

@@ -49,10 +49,11 @@ HGS_INLINE void for_each_tile_forward(Workspace& workspace, const PinholeCamera&
 }
 
 template <class Shape>
-static void forward(const GaussianRows& gaussians, const PinholeCamera& camera, const ImageSums& image) {
+static void forward(const GaussianRows& gaussians, const PinholeCamera& camera, const float* surface,
+                    const ImageSums& image) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare<Shape>(gaussians, camera, workspace);
+  prepare_before<Shape>(gaussians, camera, surface, workspace);
   for_each_tile_forward<Shape>(workspace, camera,
                         [&](int, const Tile&, const Window& window, const ForwardTile& state, Traces<Shape>) {
                           for (int y = 0; y < window.height; ++y) {
@@ -75,7 +76,7 @@ static void backward(const GaussianRows& gaussians, const PinholeCamera& camera,
                      float* gradient, [[maybe_unused]] float* normal_gradient) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare<Shape>(gaussians, camera, workspace);
+  prepare<Shape>(gaussians, camera, nullptr, workspace);
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   for_each_tile_forward<Shape>(workspace, camera,
                         [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces<Shape> traces) {
@@ -116,7 +117,7 @@ static LossSums optimise(const GaussianRows& gaussians, const PinholeCamera& who
   camera.far_m = std::min(whole.far_m, valid.farthest + BEHIND_M);
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare<Shape>(gaussians, camera, workspace);
+  prepare_before<Shape>(gaussians, camera, target.depth, workspace);
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
   double* tile_losses = workspace.tile_losses.require(std::size_t{LOSS_SUMS} * n_tiles);
@@ -154,7 +155,7 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
     began = now;
     return spent;
   };
-  prepare<Shape>(gaussians, camera, workspace);
+  prepare<Shape>(gaussians, camera, nullptr, workspace);
   times.prepare_s = lap();
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;
@@ -182,10 +183,11 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
 }
 
 template <class Shape>
-static void information(const GaussianRows& gaussians, const PinholeCamera& camera, float* information) {
+static void information(const GaussianRows& gaussians, const PinholeCamera& camera, const float* surface, float weight,
+                        float* information) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare<Shape>(gaussians, camera, workspace);
+  prepare_before<Shape>(gaussians, camera, surface, workspace);
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   for_each_tile_forward<Shape>(workspace, camera,
                         [&](int, const Tile& tile, const Window& window, const ForwardTile& state, Traces<Shape> traces) {
@@ -194,7 +196,7 @@ static void information(const GaussianRows& gaussians, const PinholeCamera& came
                           sweep_fisher<Shape>(tile, traces, fisher, pair_sums);
                           clear_pairs<Shape>(tile, traces.n, pair_sums);
                         });
-  add_information<Shape>(gaussians, workspace, camera, information);
+  add_information<Shape>(gaussians, workspace, camera, weight, information);
 }
 
 template <class Shape>
@@ -202,7 +204,7 @@ static void quality_image(const GaussianRows& gaussians, const PinholeCamera& ca
                           const float* prior, float* image) {
   const WorkspaceLease lease;
   Workspace& workspace = *lease;
-  prepare<Shape>(gaussians, camera, workspace);
+  prepare<Shape>(gaussians, camera, nullptr, workspace);
   quality_coefficients<Shape>(gaussians, workspace, camera, information, prior);
   const float* coefficients = workspace.slot_coefficients.get();
   for_each_tile_forward<Shape>(workspace, camera,

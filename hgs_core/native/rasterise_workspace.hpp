@@ -120,6 +120,7 @@ struct Workspace : ShapeScratch<Isotropic>, ShapeScratch<Disc> {
   Scratch<std::uint32_t> block_splats;  // splats of each visible block
   Scratch<std::uint32_t> splats_before;  // prefix sums over the visible blocks
   Scratch<std::uint32_t> pairs_before;
+  Scratch<float> tile_limits;       // (3, n_tiles), see TileLimits
   Scratch<TileSpan> spans;  // by slot
   Scratch<std::uint64_t> keys, keys_swap;  // (depth key << 32) | slot
   Scratch<std::uint32_t> histograms;
@@ -145,8 +146,37 @@ class WorkspaceLease {
   Workspace* workspace_;
 };
 
-// Fills `visible_blocks`: those whose bounds may reach into the image.
-void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, Workspace& workspace);
+// Of every tile, the z-depth at and beyond which splats are hidden [m]: BEHIND_M behind its farthest depth. Nothing is
+// hidden where a pixel of it was not measured, or where nothing is in range; nor are splats of more than SPAN x SPAN
+// tiles, which hardly are there.
+struct TileLimits {
+  int tiles_x, tiles_y;
+  const float* of_tile;
+  const float *nearest, *farthest;  // of the SPAN x SPAN tiles from each on
+
+  // Of a splat's tiles, see TileSpan, those where it is not hidden.
+  [[gnu::always_inline]] int in_sight(int x, int y, int mask, float z) const {
+    const int first = y * tiles_x + x;
+    if (z < nearest[first]) return mask;
+    if (z >= farthest[first]) return 0;
+    int seen = 0;
+    for (int bits = mask; bits != 0; bits &= bits - 1) {
+      const int bit = __builtin_ctz(static_cast<unsigned>(bits));
+      if (z < of_tile[first + bit / SPAN * tiles_x + bit % SPAN]) seen |= 1 << bit;
+    }
+    return seen;
+  }
+
+  // Whether everything at `z` and beyond is hidden in a part of the image [px].
+  bool hide(float left, float top, float right, float bottom, float z) const;
+};
+
+// Of a depth image of the camera's size.
+TileLimits tile_limits(const float* depth, const PinholeCamera& camera, Workspace& workspace);
+
+// Fills `visible_blocks`: those whose bounds may reach into the image and are not hidden. `limits` may be null.
+void cull_blocks(const GaussianRows& gaussians, const PinholeCamera& camera, const TileLimits* limits,
+                 Workspace& workspace);
 
 // Sorts the splats by depth and lists them by tile (`tile_begin`, `entries`). Needs `splats`, `spans`,
 // `block_splats` and the number of tiles; sets `first_pair`.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -112,3 +114,32 @@ def test_what_lies_beyond_the_range_gains_nothing() -> None:
 def test_a_prior_must_be_positive() -> None:
     with pytest.raises(MapError, match="prior_information"):
         quality_image(scene(), CAMERA, POSE, 0.0)
+
+
+@PRIMITIVES
+def test_half_the_pixels_with_four_times_the_weight_tell_as_much(primitive: Primitive) -> None:
+    """Of a wall whose Gaussians are as fine as the mapper makes them: two pixels of the whole image apart."""
+    whole = CameraIntrinsics.centred(120, 80, 90.0)
+    half = replace(whole.scaled(0.5), low_pass_px2=whole.low_pass_px2 / 4)
+    apart_m = 2.0 * 2.0 / 80.0
+    across, down = np.meshgrid(np.arange(-1.2, 1.2, apart_m), np.arange(-0.8, 0.8, apart_m))
+    in_camera = np.column_stack([across.ravel(), down.ravel(), np.full(across.size, 2.0)])
+    rng = np.random.default_rng(0)
+    in_camera += rng.normal(0.0, 0.2 * apart_m, in_camera.shape) * (1.0, 1.0, 0.1)
+    n = len(in_camera)
+    columns = [
+        POSE.apply(in_camera),
+        rng.uniform(0.0, 1.0, (n, 3)),
+        np.full(n, np.log(0.5 * apart_m)),
+        np.full(n, 0.8),
+    ]
+    gaussians = gaussian_map(primitive, np.column_stack(columns), rng)
+    wanted = np.zeros((n, 8))
+    for shift in rng.uniform(-0.1, 0.1, (12, 3)):
+        pose = POSE @ SE3.exp(np.array([*shift, 0.0, 0.0, 0.0]))
+        wanted += view_information(gaussians, whole, pose)
+        accumulate_information(gaussians, half, pose, pixel_weight=4.0)
+    found = gaussians.information[:n]
+    np.testing.assert_allclose(found.sum(axis=0), wanted.sum(axis=0), rtol=0.1)
+    for column in range(8):
+        assert np.corrcoef(found[:, column], wanted[:, column])[0, 1] > 0.9

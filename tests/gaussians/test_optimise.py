@@ -190,6 +190,40 @@ def test_what_lies_far_behind_the_farthest_depth_is_left_out() -> None:
 
 
 @PRIMITIVES
+def test_what_a_surface_in_front_hides_is_left_out(primitive: Primitive) -> None:
+    """A wall at 1.5 m over the two tiles on the left, 4 m of free view beside it."""
+    view = target()
+    view.depth_m[:] = 4.0
+    view.depth_m[:, :32] = 1.5
+    gaussians = scene(primitive=primitive)
+    rows = gaussians.parameters[: gaussians.size]
+    in_camera = POSE.inverse().apply(rows[:, :3].astype(np.float64))
+    column = CAMERA.fx * in_camera[:, 0] / in_camera[:, 2] + CAMERA.cx
+    widest_px = 4.0 * CAMERA.fx * np.exp(rows[:, LOG_RADIUS]) / in_camera[:, 2] + 3.0
+    hidden = (in_camera[:, 2] > 1.81) & (column + widest_px < 32) & (widest_px < 20)
+    assert hidden.sum() > 10
+    without = gaussian_map(primitive, rows[~hidden], np.random.default_rng(0))
+    without.normals[: without.size] = gaussians.normals[: gaussians.size][~hidden]
+    before = rows[hidden].copy()
+    assert step(gaussians, view) == pytest.approx(step(without, view), rel=1e-6)
+    np.testing.assert_array_equal(rows[hidden], before)
+    assert not gaussians.adam_steps[: gaussians.size][hidden].any()
+    np.testing.assert_allclose(rows[~hidden], without.parameters[: without.size], rtol=1e-5, atol=1e-6)
+
+
+def test_nothing_is_hidden_where_a_pixel_was_not_measured() -> None:
+    view = target()
+    view.depth_m[:] = 4.0
+    view.depth_m[:, :32] = 1.5
+    view.depth_m[20, 20] = 0.0
+    gaussians = scene(1)
+    gaussians.parameters[0, :3] = POSE.apply(np.array([0.0, 0.0, 3.0]))
+    gaussians.refresh_blocks()
+    step(gaussians, view)
+    assert gaussians.adam_steps[0] == 1
+
+
+@PRIMITIVES
 def test_repeated_steps_learn_a_picture(primitive: Primitive) -> None:
     """A map that differs from the truth in colour, radius and opacity comes back to its picture."""
     truth = scene(200, seed=3, primitive=primitive)

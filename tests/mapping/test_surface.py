@@ -5,6 +5,7 @@ import pytest
 
 from hgs_core.geometry.camera import CameraIntrinsics
 from hgs_core.mapping.surface import surface_borders, surface_normals, surface_slopes, surface_steps
+from tests.mapping.surface_oracle import plain_normals
 
 CAMERA = CameraIntrinsics.centred(60, 40, 30.0)
 
@@ -121,3 +122,17 @@ def test_without_a_surface_around_a_normal_looks_at_the_camera() -> None:
     found = surface_normals(depth, CAMERA, np.array([20]), np.array([30]))
     ray = CAMERA.rays()[20, 30]
     np.testing.assert_allclose(found[0], -ray / np.linalg.norm(ray), atol=1e-12)
+
+
+def test_normals_are_those_of_plain_arithmetic_in_a_room_with_holes_and_steps() -> None:
+    rng = np.random.default_rng(5)
+    walls = [plane_depth(normal, 2.0) for normal in ((0.1, 0.3, 1.0), (0.62, -0.2, 0.7), (-0.7, 0.1, 0.83))]
+    depth = np.min([np.where(wall > 0, wall, 9.0) for wall in walls], axis=0).astype(np.float32)
+    depth[12:20, 20:24] -= np.float32(0.6)
+    depth += rng.normal(0.0, 0.004, depth.shape).astype(np.float32)
+    depth[rng.random(depth.shape) < np.linspace(0.0, 0.9, 40)[:, None]] = 0.0
+    depth[:6, 40:] = np.inf
+    rows, columns = np.nonzero((depth > 0) & np.isfinite(depth))
+    wanted, n_on_plane = plain_normals(depth, CAMERA, rows, columns)
+    assert 0.02 < np.mean(n_on_plane < 12) < 0.98
+    np.testing.assert_allclose(surface_normals(depth, CAMERA, rows, columns), wanted, atol=1e-6)

@@ -194,11 +194,13 @@ def test_maps_with_rows_that_are_no_numbers_are_drawn(n, discs):
     bounds = np.tile(np.array([-99, 99], np.float32).repeat(3), (-(-n // 256), 1))
     for height, width in ((0, 0), (1, 1), (30, 40)):
         images = [np.zeros((height, width, *channels), np.float32) for channels in ((3,), (), ())]
-        kernels.render_sums(rows, normals, bounds, CAMERA, *images)
+        kernels.render_sums(rows, normals, bounds, CAMERA, None, *images)
         gradient, of_normals = np.zeros_like(rows), np.zeros_like(normals)
         kernels.render_gradient(rows, normals, bounds, CAMERA, *images, gradient, of_normals)
         if height:
-            kernels.add_information(rows, normals, bounds, CAMERA, width, height, np.zeros_like(rows))
+            kernels.add_information(
+                rows, normals, bounds, CAMERA, None, width, height, 1.0, np.zeros_like(rows)
+            )
             kernels.quality_image(
                 rows,
                 normals,
