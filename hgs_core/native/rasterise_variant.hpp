@@ -155,7 +155,7 @@ static StageTimes stages(const GaussianRows& gaussians, const PinholeCamera& cam
     began = now;
     return spent;
   };
-  prepare<Shape>(gaussians, camera, nullptr, workspace);
+  prepare_before<Shape>(gaussians, camera, target.depth, workspace);
   times.prepare_s = lap();
   float* pair_sums = workspace.pair_sums.require(workspace.n_pairs * Shape::SUMS);
   const int n_tiles = workspace.tiles_x * workspace.tiles_y;

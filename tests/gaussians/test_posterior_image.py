@@ -43,6 +43,13 @@ def test_information_of_all_frames_is_what_the_mapper_would_have_summed() -> Non
     assert summed[2, 3] == 0.0  # too far away
 
 
+def test_of_very_many_frames_some_count_for_the_others() -> None:
+    gaussians, here = two_spots(), level_camera_pose(0.0, 0.0, 1.0, 0.0)
+    all_drawn = train_information(gaussians, CAMERA, batch(*[here] * 9), far_m=4.0)
+    some_drawn = train_information(gaussians, CAMERA, batch(*[here] * 9), far_m=4.0, most_frames=4)
+    np.testing.assert_allclose(some_drawn, all_drawn, rtol=1e-5)
+
+
 def test_a_pixel_shows_the_variance_of_the_gaussian_that_it_shows() -> None:
     gaussians = two_spots()
     information = np.zeros((3, 8), np.float32)
