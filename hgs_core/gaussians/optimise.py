@@ -139,7 +139,8 @@ def time_step(
     range_m: float = math.inf,
     radius_limits_m: tuple[float, float] = (0.001, 0.3),
 ) -> StepStages:
-    """The work of `optimise_step` in separate, timed passes, for benchmarks; the map moves as there."""
+    """The work of `optimise_step` in separate, timed passes, for benchmarks; the map moves as there, but that
+    nothing is left out behind tiles with a pixel that was not measured."""
     prepare_s, forward_s, backward_s, step_s, evaluations = kernels.time_stages(
         *_arguments(
             gaussians, rgb, depth_m, intrinsics, T_world_camera, weights, rates, range_m, radius_limits_m
