@@ -73,10 +73,7 @@ void shade(const Appearance& a, const Hits& hits, float focal_px, float range_m,
       v -= std::floor(v);
       // Triangles of no area have no coordinates.
       if (!(u >= 0.0f && u <= 1.0f && v >= 0.0f && v <= 1.0f)) u = v = 0.0f;
-      const float* normal = a.normal + 3 * static_cast<std::size_t>(triangle);
-      const float* d = hits.rays + 6 * i + 3;
-      const float facing = std::abs(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]);
-      const float span = a.texels_per_metre[triangle] * t / (focal_px * std::sqrt(std::max(facing, 1e-3f)));
+      const float span = a.texels_per_metre[triangle] * t / (focal_px * std::sqrt(std::max(hits.facing[i], 1e-3f)));
       const float top = static_cast<float>(a.level_count[texture] - 1);
       const float level = std::clamp(std::log2(std::max(1e-6f, span)), 0.0f, top);  // NaN counts as the least span
       const auto lower = static_cast<std::int32_t>(level);

@@ -10,7 +10,6 @@ namespace hgs {
 struct Appearance {
   std::size_t n_triangles;
   const float* uv;                 // n_triangles x 3 x 2, (0, 0) = lower left
-  const float* normal;             // n_triangles x 3, unit
   const float* tint;               // n_triangles x 3: light x material factor
   const float* texels_per_metre;   // n_triangles, of level 0
   const std::int32_t* texture;     // n_triangles, -1 = none
@@ -28,7 +27,7 @@ struct Hits {
   const std::uint32_t* triangle;  // 0xFFFFFFFF = none
   const float* barycentric;       // n_rays x 2, weights of corners 1 and 2
   const float* z_depth_m;         // n_rays, along rays scaled to z = 1 in the camera
-  const float* rays;              // n_rays x 6: origin, direction scaled to z = 1
+  const float* facing;            // n_rays, |n.d| of the unit normal and such a ray's direction
 };
 
 void shade(const Appearance& appearance, const Hits& hits, float focal_px, float range_m,

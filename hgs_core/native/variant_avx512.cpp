@@ -5,6 +5,7 @@
 #include "multiply_add_variant.hpp"
 #include "panorama_variant.hpp"
 #include "rasterise_variant.hpp"
+#include "triangle_raster_variant.hpp"
 #include "variants.hpp"
 
 namespace hgs {
@@ -15,6 +16,7 @@ const VariantKernels KERNELS_AVX512 = {
     avx512::rasterise_kernels_of<Disc>(),
     {avx512::gather_rows, avx512::march_rays, avx512::list_cells, avx512::make_bundle, avx512::first_cells,
      avx512::score_rays},
+    avx512::fill_rows,
     avx512::multiply_add,
 };
 }  // namespace hgs

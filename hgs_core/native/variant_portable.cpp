@@ -5,6 +5,7 @@
 #include "multiply_add_variant.hpp"
 #include "panorama_variant.hpp"
 #include "rasterise_variant.hpp"
+#include "triangle_raster_variant.hpp"
 #include "variants.hpp"
 
 namespace hgs {
@@ -15,6 +16,7 @@ const VariantKernels KERNELS_PORTABLE = {
     portable::rasterise_kernels_of<Disc>(),
     {portable::gather_rows, portable::march_rays, portable::list_cells, portable::make_bundle, portable::first_cells,
      portable::score_rays},
+    portable::fill_rows,
     portable::multiply_add,
 };
 }  // namespace hgs

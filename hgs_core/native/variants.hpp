@@ -4,6 +4,7 @@
 #include "gain_rows.hpp"
 #include "panorama.hpp"
 #include "rasterise.hpp"
+#include "triangle_raster.hpp"
 
 namespace hgs {
 
@@ -20,6 +21,7 @@ struct VariantKernels {
   const char* name;
   RasteriseKernels isotropic, discs;
   GainKernels gain;
+  FillRows fill_rows;
   // Runs `rounds` rounds of independent multiply-adds on registers; returns how many floating-point operations
   // that were. What the processor can do at most, for benchmarks.
   double (*multiply_add)(std::int64_t rounds);

@@ -74,7 +74,6 @@ class Appearance:
     """Per-triangle inputs of the shading kernel."""
 
     uv: Float32[ndarray, "n 3 2"]
-    normal: Float32[ndarray, "n 3"]
     tint: Float32[ndarray, "n 3"]
     texels_per_metre: Float32[ndarray, " n"]
     texture: Int32[ndarray, " n"]
@@ -99,7 +98,6 @@ class Appearance:
         normals = mesh.normals
         return Appearance(
             uv=np.ascontiguousarray(mesh.uv),
-            normal=normals,
             tint=(fixed_light(normals.astype(np.float64)) * factor).astype(np.float32),
             texels_per_metre=_texels_per_metre(mesh, texture, textures),
             texture=texture,

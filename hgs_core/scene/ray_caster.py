@@ -1,13 +1,14 @@
-"""`RayCaster`: what can be seen of a mesh from where (Embree through open3d; shading in C++)."""
+"""`RayCaster`: what can be seen of a mesh from where; pictures by a z-buffer, rays by Embree (open3d)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 import open3d as o3d
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8, UInt32
 from numpy import ndarray
 
 import hgs_core.native.kernels as kernels
@@ -25,11 +26,22 @@ _VISIBLE_TOLERANCE_M = 2e-3
 _UNEVEN: Final = 32
 """Pixels whose neighbourhood of 3 x 3 spans more levels than this, of 255 in any channel, are looked at more
 closely: borders of things, mostly, a sixth of the picture of a crowded room."""
+_CENTRES: Final = np.zeros((1, 2), np.float32)
 _CLOSER_LOOKS_PX: Final = np.array([[-1, -3], [3, -1], [1, 3], [-3, 1]], np.float32) / 8.0
 """Where in a pixel, from its centre: no two in one row or column, for upright and level borders."""
-_RAYS_AT_ONCE: Final = 1 << 14
-"""open3d keeps the interpreter to itself while it casts rays: for a whole picture that is half a second on a
-busy machine, in which no other thread gets on, neither the one that waits for STOP nor the one that tells."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfacesMet:
+    """What looks of a camera meet first."""
+
+    triangle: UInt32[ndarray, "looks pixels"]
+    """0xFFFFFFFF where a look leaves the world."""
+    barycentric: Float32[ndarray, "looks pixels 2"]
+    """Weights of its corners 1 and 2."""
+    z_depth_m: Float32[ndarray, "looks pixels"]
+    facing: Float32[ndarray, "looks pixels"]
+    """|n . d| of its unit normal and the look's direction (z = 1)."""
 
 
 class RayCaster:
@@ -42,12 +54,13 @@ class RayCaster:
         if len(mesh.triangles) == 0:
             raise SceneError("cannot cast rays: the mesh has no triangles")
         self.mesh = mesh
+        self._vertices_m = np.ascontiguousarray(mesh.vertices_m, np.float32)
+        self._triangles = np.ascontiguousarray(mesh.triangles, np.int32)
         self._embree = o3d.t.geometry.RaycastingScene()
         self._embree.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices_m)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
+            o3d.core.Tensor.from_numpy(self._vertices_m),
+            o3d.core.Tensor.from_numpy(self._triangles.astype(np.uint32)),
         )
-        self._camera_rays: dict[CameraIntrinsics, Float32[ndarray, "n 3"]] = {}
 
     @cached_property
     def _appearance(self) -> Appearance:
@@ -63,18 +76,15 @@ class RayCaster:
         colour is that of the pixel's area, not of one point of it: where the picture changes, five rays are
         averaged (textures are averaged by their pyramids). Depth is that of the pixel's centre.
         """
-        shape = (intrinsics.height, intrinsics.width)
-        directions = self._directions_of(intrinsics)
-        rgb, depth = self._look(directions, intrinsics, T_world_camera, range_m)
-        uneven = np.flatnonzero(uneven_pixels(rgb.reshape(*shape, 3)))
-        total = rgb[uneven].astype(np.uint16)
-        focal_px = np.array([intrinsics.fx, intrinsics.fy], np.float32)
-        for step in _CLOSER_LOOKS_PX / focal_px:
-            aside = directions[uneven] + np.array([*step, 0.0], np.float32)
-            total += self._look(aside, intrinsics, T_world_camera, np.inf)[0]
+        met = self._first_surfaces(intrinsics, T_world_camera, _CENTRES, wanted=None)
+        rgb, depth = self._shaded(met, intrinsics, range_m)
+        rgb, depth = rgb[0].reshape(intrinsics.height, intrinsics.width, 3), depth[0]
+        uneven = uneven_pixels(rgb)
+        aside = self._first_surfaces(intrinsics, T_world_camera, _CLOSER_LOOKS_PX, wanted=uneven)
+        total = self._shaded(aside, intrinsics, np.inf)[0].sum(axis=0, dtype=np.uint16) + rgb[uneven]
         looks = len(_CLOSER_LOOKS_PX) + 1
         rgb[uneven] = (total + looks // 2) // looks
-        return rgb.reshape(*shape, 3), depth.reshape(shape)
+        return rgb, depth.reshape(intrinsics.height, intrinsics.width)
 
     def cast(
         self, origins: Float[ndarray, "*rays 3"], directions: Float[ndarray, "*rays 3"]
@@ -110,44 +120,56 @@ class RayCaster:
         )
         return np.logical_not(occluded.numpy()).reshape(rays.shape[:-1])
 
-    def _look(
+    def _first_surfaces(
         self,
-        directions: Float32[ndarray, "n 3"],
         intrinsics: CameraIntrinsics,
         T_world_camera: SE3,
-        range_m: float,
-    ) -> tuple[UInt8[ndarray, "n 3"], Float32[ndarray, " n"]]:
-        """One ray a direction of the camera (z = 1): colour and z-depth of what it meets."""
-        rays = np.empty((len(directions), 6), dtype=np.float32)
-        rays[:, :3] = T_world_camera.translation
-        np.matmul(directions, T_world_camera.rotation.T.astype(np.float32), out=rays[:, 3:])
-        rgb = np.empty((len(rays), 3), dtype=np.uint8)
-        depth = np.empty(len(rays), dtype=np.float32)
-        focal_px = (intrinsics.fx * intrinsics.fy) ** 0.5
-        for first in range(0, len(rays), _RAYS_AT_ONCE):
-            some = slice(first, first + _RAYS_AT_ONCE)
-            self._look_along(rays[some], focal_px, range_m, rgb=rgb[some], depth_m=depth[some])
-        return rgb, depth
-
-    def _look_along(
-        self,
-        rays: Float32[ndarray, "n 6"],
-        focal_px: float,
-        range_m: float,
+        offsets_px: Float32[ndarray, "looks 2"],
         *,
-        rgb: UInt8[ndarray, "n 3"],
-        depth_m: Float32[ndarray, " n"],
-    ) -> None:
-        # Directions have z = 1 in the camera, so Embree's ray parameter is the z-depth.
-        hits = self._embree.cast_rays(o3d.core.Tensor.from_numpy(rays))
+        wanted: Bool[ndarray, "height width"] | None,
+    ) -> SurfacesMet:
+        """What each wanted pixel (all without a mask) shows at places in it, given from its centre."""
+        pixels = intrinsics.width * intrinsics.height if wanted is None else int(np.count_nonzero(wanted))
+        shape = (len(offsets_px), pixels)
+        met = SurfacesMet(
+            triangle=np.empty(shape, np.uint32),
+            barycentric=np.empty((*shape, 2), np.float32),
+            z_depth_m=np.empty(shape, np.float32),
+            facing=np.empty(shape, np.float32),
+        )
+        kernels.first_surfaces(
+            self._vertices_m,
+            self._triangles,
+            np.ascontiguousarray(T_world_camera.rotation, np.float64),
+            np.ascontiguousarray(T_world_camera.translation, np.float64),
+            intrinsics.width,
+            intrinsics.height,
+            intrinsics.fx,
+            intrinsics.fy,
+            intrinsics.cx,
+            intrinsics.cy,
+            offsets_px,
+            wanted,
+            met.triangle,
+            met.barycentric,
+            met.z_depth_m,
+            met.facing,
+        )
+        return met
+
+    def _shaded(
+        self, met: SurfacesMet, intrinsics: CameraIntrinsics, range_m: float
+    ) -> tuple[UInt8[ndarray, "looks pixels 3"], Float32[ndarray, "looks pixels"]]:
+        """Colours, and z-depths up to the range."""
         look, pyramids = self._appearance, self._appearance.pyramids
+        rgb = np.empty((*met.triangle.shape, 3), np.uint8)
+        depth_m = np.empty(met.triangle.shape, np.float32)
         kernels.shade(
-            hits["primitive_ids"].numpy(),
-            hits["primitive_uvs"].numpy(),
-            hits["t_hit"].numpy(),
-            rays,
+            met.triangle.reshape(-1),
+            met.barycentric.reshape(-1, 2),
+            met.z_depth_m.reshape(-1),
+            met.facing.reshape(-1),
             look.uv,
-            look.normal,
             look.tint,
             look.texels_per_metre,
             look.texture,
@@ -158,17 +180,13 @@ class RayCaster:
             pyramids.level_height,
             pyramids.level_first,
             pyramids.level_count,
-            focal_px=focal_px,
+            focal_px=(intrinsics.fx * intrinsics.fy) ** 0.5,
             range_m=range_m,
             background=BACKGROUND_RGB,
-            rgb=rgb,
-            depth_m=depth_m,
+            rgb=rgb.reshape(-1, 3),
+            depth_m=depth_m.reshape(-1),
         )
-
-    def _directions_of(self, intrinsics: CameraIntrinsics) -> Float32[ndarray, "n 3"]:
-        if intrinsics not in self._camera_rays:
-            self._camera_rays[intrinsics] = intrinsics.rays().reshape(-1, 3).astype(np.float32)
-        return self._camera_rays[intrinsics]
+        return rgb, depth_m
 
 
 def uneven_pixels(rgb: UInt8[ndarray, "height width 3"]) -> Bool[ndarray, "height width"]:

@@ -146,17 +146,15 @@ def test_triangles_without_area_are_shaded_somehow():
     triangle = rng.choice(np.array([0, 1, 5, 2**32 - 1], np.uint32), n)
     barycentric = rng.choice(np.array([0, 1, 0.3, -1e-9, np.nan, np.inf, 1e30], np.float32), (n, 2))
     z_depth = rng.choice(np.array([0.0, 1.0, 1e30, np.inf, np.nan], np.float32), n)
-    rays = rng.normal(size=(n, 6)).astype(np.float32)
-    rays[0] = np.nan
+    facing = rng.choice(np.array([0.0, 0.5, 1.0, np.inf, np.nan], np.float32), n)
     rgb, depth = np.zeros((n, 3), np.uint8), np.zeros(n, np.float32)
     for corner_rgb in (None, rng.integers(0, 256, (2, 3, 3)).astype(np.uint8)):
         kernels.shade(
             triangle,
             barycentric,
             z_depth,
-            rays,
+            facing,
             rng.uniform(-2, 2, (2, 3, 2)).astype(np.float32),
-            np.array([[0, 0, 1], [0, 0, 0]], np.float32),
             np.array([[1, 1, 1], [5, -1, np.nan]], np.float32),
             np.array([3.0, np.inf], np.float32),
             np.zeros(2, np.int32),

@@ -6,7 +6,6 @@ from scipy.ndimage import binary_erosion
 
 from hgs_core.errors import SceneError
 from hgs_core.geometry.camera import CameraIntrinsics, level_camera_pose
-from hgs_core.scene import ray_caster
 from hgs_core.scene.appearance import TexturePyramids, fixed_light
 from hgs_core.scene.ray_caster import BACKGROUND_RGB, RayCaster, uneven_pixels
 from tests.scene.worlds import CHECKER, quad, room, with_boxes
@@ -54,15 +53,6 @@ def test_depth_is_z_depth_of_a_wall_seen_head_on(furnished):
     # 90 degrees across at 3 m: the middle rows meet the wall at x = 3 up to the side walls at |y| = 2.
     ahead = depth[24, np.abs(np.arange(64) + 0.5 - 32) * 3 / 32 < 1.9]
     np.testing.assert_allclose(ahead, 3.0, atol=1e-4)
-
-
-def test_a_picture_is_the_same_however_many_rays_are_cast_at_once(furnished, monkeypatch):
-    pose = level_camera_pose(-1.0, 0.3, 1.25, 0.4)
-    rgb, depth = furnished.render(CAMERA, pose)
-    monkeypatch.setattr(ray_caster, "_RAYS_AT_ONCE", 100)
-    again = furnished.render(CAMERA, pose)
-    np.testing.assert_array_equal(again[0], rgb)
-    np.testing.assert_array_equal(again[1], depth)
 
 
 def test_depth_ends_at_the_range_and_colour_does_not():
