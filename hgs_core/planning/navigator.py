@@ -16,7 +16,7 @@ from hgs_core.planning.config import PlannerConfig
 from hgs_core.planning.directives import Directives
 from hgs_core.planning.low_obstacles import TouchMemory
 from hgs_core.planning.navigation_grid import NavigationGrid, build_navigation_grid
-from hgs_core.planning.path_search import entries_near, path_from_robot, reach_from
+from hgs_core.planning.path_search import ENTRY_RADII_M, entries_within, path_from_robot, reach_from
 from hgs_core.planning.pursuit import Pursuit
 from hgs_core.planning.zones import TOLERANCE_M, Zones
 from hgs_core.robot.ackermann import AckermannConfig
@@ -203,11 +203,13 @@ def _way_back(
 ) -> Points | None:
     """The way that ends at the start itself, which may lie where the grid has no place."""
     reach = reach_from(grid, here_m)
-    entries, costs = entries_near(grid, start_m)
-    costs = costs + reach.distance_m.ravel()[entries]
-    if not np.any(np.isfinite(costs)):
-        return _way_near(grid, here_m, start_m)
-    return np.concatenate([path_from_robot(grid, reach, int(entries[np.argmin(costs)])), start_m[None]])
+    for radius_m in ENTRY_RADII_M:
+        entries, costs = entries_within(grid, start_m, radius_m)
+        costs = costs + reach.distance_m.ravel()[entries]
+        if np.any(np.isfinite(costs)):
+            way = path_from_robot(grid, reach, int(entries[np.argmin(costs)]))
+            return np.concatenate([way, start_m[None]])
+    return _way_near(grid, here_m, start_m)
 
 
 def _without_preferences(grid: NavigationGrid) -> NavigationGrid:

@@ -17,8 +17,11 @@ from hgs_core.native import kernels
 from hgs_core.planning.navigation_grid import NavigationGrid
 
 ENTRY_RADII_M = (0.3, 0.8, 1.6)
-"""How far from the robot a cell may lie through which it enters the grid: the nearest ring that offers
-one."""
+"""How far from the robot a cell may lie through which it enters the grid: within the least of these that
+leads out of a pocket."""
+CORNER_M: Final = 0.005
+"""A line out of a tight place may come so much nearer than the place is: past the corner of a box that stands
+for something, its side is nearer by millimetres."""
 POCKET_M2: Final = 2.0
 """Reaching no more than this, the robot may be in a pocket, and looks for lines out of it ..."""
 BRIDGE_M: Final = 0.3
@@ -111,8 +114,19 @@ def reach_from(grid: NavigationGrid, robot_xy_m: Float[ndarray, " 2"]) -> ReachF
     The robot stands between cell centres: it enters through passable cells near it that it reaches in a
     straight line without coming nearer to anything than it is now, or than its radius. When it stands closer
     than its radius to something just seen, that is the shortest way out: any line that never comes nearer.
+    Where such cells lead into a pocket alone, the robot came by another way: it looks farther for it.
     """
-    return reach_from_cells(grid, robot_xy_m, *entries_near(grid, robot_xy_m))
+    seeds, costs = entries_within(grid, robot_xy_m, ENTRY_RADII_M[0])
+    reach = reach_from_cells(grid, robot_xy_m, seeds, costs)
+    for radius_m in ENTRY_RADII_M[1:]:
+        if not _is_pocket(grid, reach.reachable):
+            break
+        farther, farther_costs = entries_within(grid, robot_xy_m, radius_m)
+        beyond = ~reach.reachable.ravel()[farther]
+        if beyond.any():
+            seeds, costs = np.append(seeds, farther[beyond]), np.append(costs, farther_costs[beyond])
+            reach = reach_from_cells(grid, robot_xy_m, seeds, costs)
+    return reach
 
 
 def reach_from_cells(
@@ -162,13 +176,17 @@ def _beyond_the_pocket(
     return distance, flat.reshape(parent.shape)
 
 
+def _is_pocket(grid: NavigationGrid, reached: Bool[ndarray, "nx ny"]) -> bool:
+    return int(np.count_nonzero(reached)) * grid.size_m**2 <= POCKET_M2
+
+
 def _bridges(grid: NavigationGrid, reached: Bool[ndarray, "nx ny"]) -> Int[ndarray, "n 2"]:
     """Pairs of flat cells, reached and not, that a short line joins; none where more than a pocket is
     reached."""
     none = np.zeros((0, 2), np.int64)
     outside = np.flatnonzero(grid.passable & ~reached)
     inside = np.flatnonzero(reached)
-    if not len(inside) or not len(outside) or len(inside) * grid.size_m**2 > POCKET_M2:
+    if not len(inside) or not len(outside) or not _is_pocket(grid, reached):
         return none
     near = cKDTree(grid.centres_m(inside)).query_ball_point(grid.centres_m(outside), BRIDGE_M)
     counts = np.array([len(rows) for rows in near])
@@ -178,19 +196,16 @@ def _bridges(grid: NavigationGrid, reached: Bool[ndarray, "nx ny"]) -> Int[ndarr
     return np.stack([starts, ends], axis=1)[clear >= grid.radius_m - 1e-6]
 
 
-def entries_near(
-    grid: NavigationGrid, xy_m: Float[ndarray, " 2"]
+def entries_within(
+    grid: NavigationGrid, xy_m: Float[ndarray, " 2"], radius_m: float
 ) -> tuple[Int[ndarray, " n"], Float[ndarray, " n"]]:
-    """Passable cells (flat) that a straight line joins to a point, and its cost [m]; none where there are
-    none. The line comes no nearer to anything than the point is, or than the radius."""
+    """Passable cells (flat), so near, that a straight line joins to a point, and its cost [m]. The line comes
+    no nearer to anything than the radius, or, from a point that is nearer already, hardly nearer than it."""
     here = float(grid.path_clearance_m(xy_m[None])[0])
-    allowed = min(grid.radius_m, here) - 1e-6
-    for radius in ENTRY_RADII_M:
-        near = grid.cells_within(grid.passable, xy_m, radius)
-        clear, cost = grid.check_segments(np.tile(xy_m, (len(near), 1)), grid.centres_m(near))
-        if np.any(clear >= allowed):
-            return near[clear >= allowed], cost[clear >= allowed]
-    return np.zeros(0, np.int64), np.zeros(0)
+    allowed = grid.radius_m - 1e-6 if here >= grid.radius_m - 1e-6 else here - CORNER_M
+    near = grid.cells_within(grid.passable, xy_m, radius_m)
+    clear, cost = grid.check_segments(np.tile(xy_m, (len(near), 1)), grid.centres_m(near))
+    return near[clear >= allowed], cost[clear >= allowed]
 
 
 def path_from_robot(grid: NavigationGrid, reach: ReachField, cell: int) -> Float[ndarray, "n 2"]:

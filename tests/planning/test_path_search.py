@@ -7,7 +7,9 @@ from scipy.ndimage import label
 from hgs_core.geometry.boxes import Box
 from hgs_core.planning.navigation_grid import NavigationGrid
 from hgs_core.planning.path_search import (
+    CORNER_M,
     ENTRY_RADII_M,
+    entries_within,
     off_the_walls,
     pairwise_costs,
     path_from_robot,
@@ -109,7 +111,7 @@ def test_the_robot_leaves_a_place_that_became_too_tight() -> None:
     assert reach.escaping
     cell = int(grid.cells_of(np.array([[4.05, 2.55]]))[0][0])
     path = path_from_robot(grid, reach, cell)
-    assert grid.path_clearance_m(path).min() >= 0.17 - 1e-6  # never nearer than it stands
+    assert grid.path_clearance_m(path).min() >= 0.17 - CORNER_M  # hardly nearer than it stands
 
 
 def test_a_walled_in_robot_reaches_nothing() -> None:
@@ -153,7 +155,7 @@ def test_the_way_out_of_a_tight_place_does_not_make_the_rest_of_the_path_tight()
     for cell in np.flatnonzero(reach.reachable.ravel())[::7].tolist():
         path = path_from_robot(grid, reach, cell)
         clearance, _ = grid.check_segments(path[:-1], path[1:])
-        assert clearance[0] >= tight - 1e-6
+        assert clearance[0] >= tight - CORNER_M
         assert np.all(clearance[1:] >= grid.radius_m - 1e-6)
         assert np.hypot(*(path[1] - robot)) <= max(ENTRY_RADII_M) + grid.size_m
 
@@ -180,3 +182,24 @@ def test_a_line_that_just_fits_between_two_corners_leads_out_of_a_pocket() -> No
     np.testing.assert_allclose(path[-1], grid.centres_m(np.array([goal]))[0])
     assert grid.path_clearance_m(path).min() >= grid.radius_m - 1e-6
     assert reach.lengths_m(grid)[goal] >= np.linalg.norm(path[-1] - path[0]) - 1e-9
+
+
+def test_a_robot_in_a_waist_finds_the_way_that_it_came_by_not_only_the_pocket_beside_it() -> None:
+    """It stands 0.22 m from a corner: within 0.3 m lies a dead end alone, and a room 0.42 m off."""
+    free = np.zeros((45, 70), bool)
+    free[10:20, 4:20] = free[12:20, 20:25] = free[2:43, 25:68] = True  # dead end, waist of 0.48 m, room
+    region = Box(lower_m=np.zeros(3), upper_m=np.array([45 * 0.06, 70 * 0.06, 1.5]))
+    voxels = VoxelMap(VoxelConfig(size_m=0.06), region=region)
+    voxels.states[:] = np.where(free[..., None], VoxelState.FREE, VoxelState.OCCUPIED)
+    voxels.note_change()
+    here = np.array([0.94, 1.23])
+    grid = grid_of(voxels, at=(0.94, 1.23))
+    near, _ = entries_within(grid, here, ENTRY_RADII_M[0])
+    assert len(near)
+    assert np.all(grid.centres_m(near)[:, 1] < 1.2), "this test wants the dead end alone near by"
+    reach = reach_from(grid, here)
+    assert reach.escaping
+    room_cell = int(grid.cells_of(np.array([[1.5, 3.0]]))[0][0])
+    path = path_from_robot(grid, reach, room_cell)
+    assert grid.path_clearance_m(path).min() >= 0.22 - CORNER_M
+    assert np.all(grid.path_clearance_m(path)[1:] >= grid.radius_m - 1e-6)
