@@ -109,7 +109,7 @@ def planners(
         out=out,
     )
     with ERRORS.status("opening the scenes") as opening:
-        cells = plan_cells(request)
+        cells = plan_cells(request, progress=opening.update)
         if reference:
             config = resolve_mission_config(request.preset, request.overrides)
             scenes_once = list({cell.scene.name: cell.scene for cell in cells}.values())

@@ -192,13 +192,29 @@ void quality_image(ConstRows parameters, ConstNormals normals, ConstBounds bound
                                              information.data(), prior.data(), image.data());
 }
 
-void count_in_layer(ConstRows parameters, ConstBounds bounds, float low, float high, float min_logit_opacity,
-                    std::array<double, 2> lower, double cell,
-                    nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> counts) {
+using FloorCounts = nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using FloorMask = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+// lowest and highest height, least logit of opacity, corner of the plan in x and y, size of its cells.
+using LayerNumbers = std::array<double, 6>;
+
+hgs::FloorLayer layer_of(const LayerNumbers& numbers, const FloorCounts& counts) {
+  return {static_cast<float>(numbers[0]), static_cast<float>(numbers[1]), static_cast<float>(numbers[2]),
+          {numbers[3], numbers[4]}, numbers[5],
+          static_cast<std::int64_t>(counts.shape(0)), static_cast<std::int64_t>(counts.shape(1))};
+}
+
+void count_in_layer(ConstRows parameters, ConstBounds bounds, LayerNumbers layer, FloorCounts counts) {
   const nb::gil_scoped_release release;
-  hgs::count_in_layer(centres_of(parameters, bounds),
-                      {low, high, min_logit_opacity, {lower[0], lower[1]}, cell,
-                       static_cast<std::int64_t>(counts.shape(0)), static_cast<std::int64_t>(counts.shape(1))},
+  hgs::count_in_layer(centres_of(parameters, bounds), layer_of(layer, counts), counts.data());
+}
+
+void count_in_reach(ConstRows parameters, ConstBounds bounds, LayerNumbers layer, FloorMask cells, FloorMask places,
+                    double reach, FloorCounts counts) {
+  require_same_image(cells, counts);
+  require_same_image(places, counts);
+  const nb::gil_scoped_release release;
+  hgs::count_in_reach(centres_of(parameters, bounds), layer_of(layer, counts), cells.data(), places.data(), reach,
                       counts.data());
 }
 
@@ -230,7 +246,9 @@ void bind_rasterise(nb::module_& m) {
         "surface"_a.none(), "width"_a, "height"_a, "weight"_a, "information"_a);
   m.def("quality_image", &quality_image, "parameters"_a, "normals"_a, "block_bounds"_a, "camera"_a, "information"_a,
         "prior"_a, "image"_a);
-  m.def("count_in_layer", &count_in_layer, "parameters"_a, "block_bounds"_a, "low"_a, "high"_a,
-        "min_logit_opacity"_a, "lower"_a, "cell"_a, "counts"_a,
+  m.def("count_in_layer", &count_in_layer, "parameters"_a, "block_bounds"_a, "layer"_a, "counts"_a,
         "Count the Gaussians of a layer above the floor by the cells of a floor plan.");
+  m.def("count_in_reach", &count_in_reach, "parameters"_a, "block_bounds"_a, "layer"_a, "cells"_a, "places"_a,
+        "reach"_a, "counts"_a,
+        "Count those in some cells that are nearer than `reach`, in cells, to the middle of some place.");
 }

@@ -17,4 +17,9 @@ struct FloorLayer {
 // the layer are not looked at.
 void count_in_layer(const GaussianRows& gaussians, const FloorLayer& layer, std::int32_t* counts);
 
+// The same of those in `cells` (nx, ny) that lie nearer than `reach`, in cells, to the middle of any of `places`
+// (nx, ny).
+void count_in_reach(const GaussianRows& gaussians, const FloorLayer& layer, const std::uint8_t* cells,
+                    const std::uint8_t* places, double reach, std::int32_t* counts);
+
 }  // namespace hgs

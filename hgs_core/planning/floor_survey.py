@@ -9,7 +9,12 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
-from hgs_core.planning.navigation_grid import NavigationConfig, NavigationGrid, build_navigation_grid
+from hgs_core.planning.navigation_grid import (
+    NavigationConfig,
+    NavigationGrid,
+    build_navigation_grid,
+    clearance_reach_m,
+)
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap
 
@@ -77,8 +82,7 @@ class FloorSurvey:
         if changed is not None:
             corners.append(known.lower_m + np.array(changed) * known.size_m)
         points = np.concatenate(corners)
-        # What is blocked bears on the clearance of cells up to the cap away.
-        reach = known.clearance_cap_m + known.size_m
+        reach = clearance_reach_m(self._config, self._robot, known.size_m)
         return np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach])
 
 

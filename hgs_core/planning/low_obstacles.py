@@ -1,8 +1,9 @@
-"""Obstacles that neither the scanner nor the body's voxel column shows: sills, feet and bars.
+"""Obstacles that neither the scanner nor the body's voxel column shows: sills, feet, bars and tips.
 
 The scanner's plane is at 0.15 m, and the voxel layer below it holds the floor. What stands between the height
 that the wheels climb and that layer's top is known from the Gaussian map alone, whose centres lie within
-millimetres of the surface. And what was touched is known from the touch.
+millimetres of the surface. So is what reaches a centimetre or two out of an occupied voxel into one that most
+rays cross freely: a leaf's tip, a pot's rim. And what was touched is known from the touch.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Bool, Float, Int32
 from numpy import ndarray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import binary_dilation, uniform_filter
 
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
@@ -46,17 +47,39 @@ def low_surface_counts(
 ) -> Int32[ndarray, "nx ny"]:
     """Solid Gaussians between the robot's step height and `below_m`, in each cell of a floor plan."""
     counts = np.zeros(shape, np.int32)
-    kernels.count_in_layer(
+    layer = (robot.step_height_m, below_m, _LOGIT_SOLID, *lower_m, size_m)
+    kernels.count_in_layer(gaussians.parameters[: gaussians.size], gaussians.block_bounds, layer, counts)
+    return counts
+
+
+def tips_in_the_way(
+    gaussians: GaussianMap,
+    robot: RobotConfig,
+    *,
+    above_m: float,
+    lower_m: Float[ndarray, " 2"],
+    size_m: float,
+    occupied: Bool[ndarray, "nx ny"],
+    places: Bool[ndarray, "nx ny"],
+) -> Bool[ndarray, "nx ny"]:
+    """Cells beside `occupied` ones, not occupied themselves, with solid Gaussians between `above_m` and the
+    robot's height that it would touch when it stands in the middle of one of `places`.
+
+    What barely shows beyond an occupied cell and touches nobody blocks nothing: doors stay as wide as they
+    are. What hangs in free space, away from what the voxels know, is left to them, who forget what is gone.
+    """
+    beside = binary_dilation(occupied, np.ones((3, 3), bool)) & ~occupied
+    counts = np.zeros(occupied.shape, np.int32)
+    kernels.count_in_reach(
         gaussians.parameters[: gaussians.size],
         gaussians.block_bounds,
-        robot.step_height_m,
-        below_m,
-        _LOGIT_SOLID,
-        lower_m,
-        size_m,
+        (above_m, robot.height_m, _LOGIT_SOLID, *lower_m, size_m),
+        beside.view(np.uint8),
+        places.view(np.uint8),
+        robot.radius_m / size_m,
         counts,
     )
-    return counts
+    return are_surfaces(counts, size_m)
 
 
 def are_surfaces(counts: Int32[ndarray, "nx ny"], size_m: float) -> Bool[ndarray, "nx ny"]:

@@ -4,7 +4,8 @@
 cell is traversable when no voxel of its column is occupied and at least one has been seen free, by the planar
 scanner (0.15 m) or the camera. Everything else is *blocked*: occupied, unseen, outside the map. So is what
 the Gaussian map shows between the robot's step height and the column (sills, feet: see `low_obstacles`),
-what the robot has touched, and what the operator forbids.
+tips that it shows beside occupied cells, where a robot would touch them, what the robot has touched, and what
+the operator forbids.
 
 **Clearance.** The robot is a disc. Its centre keeps at least its radius from the *box* of every blocked cell:
 exact point-to-box distances, both at cell centres and along straight segments. Cells nearer than
@@ -38,7 +39,7 @@ from scipy.ndimage import uniform_filter
 from hgs_core.config.base import StrictConfig
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.native import kernels
-from hgs_core.planning.low_obstacles import are_surfaces, low_surface_counts
+from hgs_core.planning.low_obstacles import are_surfaces, low_surface_counts, tips_in_the_way
 from hgs_core.robot.robot import RobotConfig
 from hgs_core.voxels.voxel_map import VoxelMap, VoxelState
 
@@ -216,7 +217,7 @@ def build_navigation_grid(
     cap = max(config.preferred_clearance_m, robot.radius_m + config.margin_m) + size
     low_i = low_j = 0
     if around_m is not None:
-        reach = cap + size
+        reach = clearance_reach_m(config, robot, size)
         low = np.floor((around_m.min(axis=0) - reach - lower[:2]) / size).astype(int)
         high = np.ceil((around_m.max(axis=0) + reach - lower[:2]) / size).astype(int)
         low_i, low_j = int(np.clip(low[0], 0, nx - 1)), int(np.clip(low[1], 0, ny - 1))
@@ -242,9 +243,20 @@ def build_navigation_grid(
     if forbidden is not None:
         occupied |= forbidden[low_i:nx, low_j:ny]
     blocked = np.ascontiguousarray(occupied | ~free)
-    clearance = (kernels.grid_box_clearance(blocked.view(np.uint8), cap / size) * np.float32(size)).astype(
-        np.float32
-    )
+    clearance = _clearance_m(blocked, cap, size)
+    if gaussians is not None:
+        tips = tips_in_the_way(
+            gaussians,
+            robot,
+            above_m=config.clearance_below_m,
+            lower_m=lower_xy,
+            size_m=size,
+            occupied=occupied,
+            places=clearance >= robot.radius_m - 1e-6,
+        )
+        if tips.any():
+            blocked |= tips
+            clearance = _clearance_m(blocked, cap, size)
     height = high_k - low_k
     unobserved = counts[..., VoxelState.UNOBSERVED] / np.float32(height) if height else 1.0 - free
     window = 2 * round(robot.radius_m / size) + 1
@@ -266,6 +278,19 @@ def build_navigation_grid(
         margin_m=config.margin_m,
         clearance_cap_m=cap,
     )
+
+
+def clearance_reach_m(config: NavigationConfig, robot: RobotConfig, size_m: float) -> float:
+    """How far away something may be and still bear on a cell's clearance: what is blocked, up to the cap,
+    and on whether a tip is in somebody's way, up to a radius on both sides of it."""
+    cap_m = max(config.preferred_clearance_m, robot.radius_m + config.margin_m) + size_m
+    return cap_m + 2.0 * (robot.radius_m + size_m)
+
+
+def _clearance_m(blocked: Bool[ndarray, "nx ny"], cap_m: float, size_m: float) -> Float32[ndarray, "nx ny"]:
+    """From each cell's middle to the nearest blocked box, up to the cap."""
+    cells = kernels.grid_box_clearance(blocked.view(np.uint8), cap_m / size_m)
+    return (cells * np.float32(size_m)).astype(np.float32)
 
 
 def _cells_with(

@@ -34,8 +34,14 @@ def test_gaussians_that_lie_nowhere_are_counted_nowhere(n):
     for shape in ((0, 0), (1, 1), (9, 7)):
         for box in (bounds, everywhere):
             counts = np.zeros(shape, np.int32)
-            kernels.count_in_layer(rows, box, -1.0, 1.0, -1.0, [-1.0, -1.0], 0.3, counts)
+            layer = [-1.0, 1.0, -1.0, -1.0, -1.0, 0.3]
+            kernels.count_in_layer(rows, box, layer, counts)
             assert 0 <= counts.sum() <= n
+            near, mask = np.zeros(shape, np.int32), np.ones(shape, np.uint8)
+            kernels.count_in_reach(rows, box, layer, mask, mask, 2.5, near)
+            np.testing.assert_array_equal(
+                near, counts
+            )  # every cell's middle is within a cell of what is in it
         counts = np.zeros((*shape, 5), np.int32)
         kernels.count_by_voxel(rows, -1.0, [-3, -3, -3], 0.3, counts)
         assert 0 <= counts.sum() <= n

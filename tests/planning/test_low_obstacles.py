@@ -6,7 +6,7 @@ import pytest
 from hgs_core.gaussians.gaussian_map import GaussianMap
 from hgs_core.geometry.boxes import Box
 from hgs_core.planning.low_obstacles import TouchMemory, low_surface_counts
-from hgs_core.planning.navigation_grid import NavigationConfig, build_navigation_grid
+from hgs_core.planning.navigation_grid import NavigationConfig, NavigationGrid, build_navigation_grid
 from hgs_core.robot.differential import DifferentialConfig
 from hgs_core.robot.robot import RobotState
 from hgs_core.voxels.voxel_map import VoxelConfig, VoxelMap, VoxelState
@@ -93,6 +93,42 @@ def test_cells_of_fewer_gaussians_than_a_surface_has_are_judged_with_their_neigh
     seen_by_voxels = height_m > 0.1 and size_m == 0.05  # whose column begins at 10 cm
     assert grid.blocked[int(2.05 / size_m), 2:-2].all() == (not seen_by_voxels)
     assert not grid.blocked[: int(1.9 / size_m)].any()
+
+
+def beside_a_plant(tip_m: float, *, size_m: float = 0.1) -> tuple[VoxelMap, GaussianMap]:
+    """A plant in the column of voxels from x = 2 m, and its leaf's tip, which ends at `tip_m` at a height of
+    0.8 m, in a voxel that was seen free."""
+    voxels = free_floor(size_m)
+    voxels.states[round(2.0 / size_m), round(1.5 / size_m), round(1.0 / size_m)] = VoxelState.OCCUPIED
+    tip = [[x, 1.54, 0.8] for x in np.arange(tip_m, 2.0, 0.002)]
+    return voxels, gaussians_at(tip)
+
+
+def grid_before(voxels: VoxelMap, gaussians: GaussianMap | None) -> NavigationGrid:
+    here = np.array([1.0, 1.5])
+    return build_navigation_grid(voxels, NavigationConfig(), ROBOT, robot_xy_m=here, gaussians=gaussians)
+
+
+def test_a_leaf_that_reaches_out_of_its_voxel_blocks_where_the_robot_would_touch_it() -> None:
+    """The middle of cell (17, 15) is 0.25 m from the plant's voxel, and 0.238 m from its leaf."""
+    voxels, leaf = beside_a_plant(1.988)
+    assert grid_before(voxels, None).passable[17, 15]
+    grid = grid_before(voxels, leaf)
+    assert np.argwhere(grid.blocked).tolist() == [[19, 15], [20, 15]]
+    assert not grid.passable[17, 15]
+    assert grid.passable[16, 15]
+
+
+def test_a_leaf_that_nobody_would_touch_blocks_nothing() -> None:
+    """Cells of 6 cm: the nearest place is 0.27 m from the plant's voxel."""
+    voxels, leaf = beside_a_plant(1.988, size_m=0.06)
+    without, grid = grid_before(voxels, None), grid_before(voxels, leaf)
+    np.testing.assert_array_equal(grid.blocked, without.blocked)
+
+
+def test_what_hangs_in_free_space_is_left_to_the_voxels() -> None:
+    ghost = gaussians_at([[1.05 + 0.01 * k, 1.55, 0.8] for k in range(5)])
+    assert not grid_before(free_floor(), ghost).blocked.any()
 
 
 def test_a_touch_blocks_what_lies_ahead_once() -> None:

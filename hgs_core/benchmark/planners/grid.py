@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +22,7 @@ from hgs_core.scene.built_in import built_in_scene
 from hgs_core.scene.scene import open_scene
 
 GRID: Final = "grid.json"
+_FEW_SCENES: Final = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,10 +99,13 @@ class GridFile(StrictConfig):
         write_text(root / GRID, self.model_dump_json(indent=2) + "\n")
 
 
-def plan_cells(request: GridRequest) -> list[PlannedCell]:
+def plan_cells(
+    request: GridRequest, *, progress: Callable[[str], object] = lambda message: None
+) -> list[PlannedCell]:
     """The grid's cells: scene by scene, so that a scene's comparison is complete as early as can be.
 
-    Opens every scene. Raises `ConfigError` or `SceneError` for whatever could not run.
+    Opens every scene, some seconds each, and tells `progress` how far it is. Raises `ConfigError` or
+    `SceneError` for whatever could not run.
     """
     for name, given in (("scenes", request.scenes), ("planners", request.planners), ("seeds", request.seeds)):
         if not given or len(set(given)) < len(given):
@@ -110,7 +117,10 @@ def plan_cells(request: GridRequest) -> list[PlannedCell]:
         for planner in request.planners
     }
     some_config = next(iter(configs.values()))
-    scenes = [_planned(source, some_config) for source in request.scenes]
+    scenes = []
+    for scene in _opened(request.scenes, some_config):
+        scenes.append(scene)
+        progress(f"opened {len(scenes)} of {len(request.scenes)} scenes")
     for one, other in itertools.combinations(scenes, 2):
         if one.name == other.name:
             raise ConfigError(
@@ -149,6 +159,15 @@ def remembered(request: GridRequest, cells: Sequence[PlannedCell], *, redo: bool
         f"{grid.preset!r} with {grid.overrides}, and one table compares missions on equal terms: choose "
         "another --out, or name all its scenes, planners and seeds with --redo"
     )
+
+
+def _opened(sources: Sequence[str], config: MissionConfig) -> Iterator[PlannedScene]:
+    """The scenes in their order: many are opened by several processes, few before these would have begun."""
+    if len(sources) <= _FEW_SCENES:
+        yield from (_planned(source, config) for source in sources)
+        return
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        yield from pool.map(partial(_planned, config=config), sources)
 
 
 def _planned(source: str, config: MissionConfig) -> PlannedScene:

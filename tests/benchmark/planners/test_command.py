@@ -25,7 +25,7 @@ def requests(monkeypatch: pytest.MonkeyPatch) -> list[GridRequest]:
     """Missions that take no time in scenes that are not opened; the requests made are collected."""
     made: list[GridRequest] = []
 
-    def planned(request: GridRequest):
+    def planned(request: GridRequest, **_: object):
         made.append(request)
         return asked(request.out, request.planners, request.seeds, request.scenes)[1]
 
@@ -54,7 +54,7 @@ def test_the_papers_planners_and_best_with_two_seeds_unless_told(
 ) -> None:
     made: list[GridRequest] = []
 
-    def refused(request: GridRequest) -> None:
+    def refused(request: GridRequest, **_: object) -> None:
         made.append(request)
         raise ConfigError("far enough")
 

@@ -13,7 +13,7 @@ from hgs_core.benchmark.planners.fingerprint import differences, scene_digest
 from hgs_core.benchmark.planners.grid import GridFile, GridRequest, plan_cells
 from hgs_core.benchmark.planners.outputs import write_outputs
 from hgs_core.benchmark.planners.results import GridResults
-from hgs_core.errors import ConfigError
+from hgs_core.errors import ConfigError, SceneError
 from hgs_core.scene.scene import open_scene
 from tests.benchmark.planners.fake_cells import FAILING, FakeEngine, Watcher, asked, run_fake_grid
 from tests.scene.worlds import room, textured, with_boxes, y_up
@@ -176,7 +176,9 @@ def test_planned_cells_know_the_scene_and_the_resolved_settings(tmp_path: Path) 
         overrides={"limits.max_time_s": "15"},
         out=tmp_path,
     )
-    cells = plan_cells(request)
+    told: list[str] = []
+    cells = plan_cells(request, progress=told.append)
+    assert told == ["opened 1 of 2 scenes", "opened 2 of 2 scenes"]
     assert len(cells) == 8
     assert cells[0].key == CellKey(planner="paper", scene="plain", seed=0)
     assert cells[-1].key == CellKey(planner="nearest-frontier", scene="furnished", seed=1)
@@ -187,6 +189,21 @@ def test_planned_cells_know_the_scene_and_the_resolved_settings(tmp_path: Path) 
     assert differences(paper, paper) == []
     assert any("planner.method was 'hierarchical'" in line for line in differences(paper, frontier))
     assert [line.split()[0] for line in differences(paper, elsewhere)] == ["scene"]
+
+
+def test_many_scenes_are_opened_beside_each_other(tmp_path: Path) -> None:
+    """In their order, and with what one by one gives; the first that cannot be opened is named."""
+    paths = [tmp_path / f"room{number}.glb" for number in range(9)]
+    for number, path in enumerate(paths):
+        y_up(textured(with_boxes(((0.1 * number, 0.5, 0.0), (1.5, 1.2, 0.8))))).export(path)
+    cells = plan_cells(asked(tmp_path, ["paper"], [0], [str(path) for path in paths])[0])
+    assert [cell.scene.name for cell in cells] == [path.stem for path in paths]
+    assert [cell.fingerprint.scene for cell in cells] == [
+        scene_digest(open_scene(str(path))) for path in paths
+    ]
+    paths[4].write_bytes(b"no mesh")
+    with pytest.raises(SceneError, match=r"room4\.glb"):
+        plan_cells(asked(tmp_path, ["paper"], [0], [str(path) for path in paths])[0])
 
 
 def test_scenes_of_one_name_are_refused(tmp_path: Path) -> None:
