@@ -20,8 +20,9 @@ from hgs_core.mapping.keyframes import TrainingImage
 class RefinementConfig(StrictConfig):
     """How a finished map is optimised further."""
 
-    halved_share: float = Field(0.5, ge=0, le=1)
-    """The first share of the work looks at halved keyframes (cheap steps), the rest at full resolution."""
+    halved_share: float = Field(0.0, ge=0, le=1)
+    """The first share of the work looks at halved keyframes (cheaper steps), the rest at full resolution. At
+    equal time full resolution alone gives the better pictures."""
     final_rate: float = Field(0.1, gt=0, le=1)
     """Learning rates fall geometrically to this share of the mission's."""
 
