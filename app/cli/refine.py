@@ -27,7 +27,7 @@ def refine(
         bool, typer.Option(help="Compare the refined map with the true scene, as `hgs evaluate` does.")
     ] = True,
 ) -> None:
-    """Improve a run's map from the keyframes that it kept, at full resolution in the end.
+    """Improve a run's map from the keyframes that it kept, at full resolution.
 
     Rewrites map.ply, report.json and report.html. Ctrl-C ends the work early and keeps what was reached; the
     map is saved every half minute besides. More time helps more: start again where it stopped.
