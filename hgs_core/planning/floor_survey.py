@@ -82,7 +82,7 @@ class FloorSurvey:
         if changed is not None:
             corners.append(known.lower_m + np.array(changed) * known.size_m)
         points = np.concatenate(corners)
-        reach = clearance_reach_m(self._config, self._robot, known.size_m)
+        reach = clearance_reach_m(known.clearance_cap_m, self._robot, known.size_m)
         return np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach])
 
 

@@ -217,7 +217,7 @@ def build_navigation_grid(
     cap = max(config.preferred_clearance_m, robot.radius_m + config.margin_m) + size
     low_i = low_j = 0
     if around_m is not None:
-        reach = clearance_reach_m(config, robot, size)
+        reach = clearance_reach_m(cap, robot, size)
         low = np.floor((around_m.min(axis=0) - reach - lower[:2]) / size).astype(int)
         high = np.ceil((around_m.max(axis=0) + reach - lower[:2]) / size).astype(int)
         low_i, low_j = int(np.clip(low[0], 0, nx - 1)), int(np.clip(low[1], 0, ny - 1))
@@ -280,10 +280,9 @@ def build_navigation_grid(
     )
 
 
-def clearance_reach_m(config: NavigationConfig, robot: RobotConfig, size_m: float) -> float:
+def clearance_reach_m(cap_m: float, robot: RobotConfig, size_m: float) -> float:
     """How far away something may be and still bear on a cell's clearance: what is blocked, up to the cap,
     and on whether a tip is in somebody's way, up to a radius on both sides of it."""
-    cap_m = max(config.preferred_clearance_m, robot.radius_m + config.margin_m) + size_m
     return cap_m + 2.0 * (robot.radius_m + size_m)
 
 
